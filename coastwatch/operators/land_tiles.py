@@ -36,8 +36,8 @@ def tile(zoom: int, x: int, y: int) -> bytes:
     bent = ~shapely.is_valid(flat)  # an edge is straight on another chart than before
     flat[bent] = shapely.make_valid(flat[bent])
     near = shapely.simplify(flat, CLOSE if zoom < MOST_ZOOM else 0.0)
-    found = areas(shapely.set_precision(near, 1.0))
-    return _encoded(shapely.orient_polygons(found)) if len(found) else b""
+    shapes = areas(shapely.set_precision(near, 1.0))
+    return _encoded(shapely.orient_polygons(shapes)) if len(shapes) else b""
 
 
 @lru_cache(maxsize=64)

@@ -63,8 +63,8 @@ def write(scene: Scene, output: str) -> None:
 
 def draw_run(database: str, run_id: int, shore: str) -> tuple[dict[str, int], bytes]:
     """The last picture of a run: number of vessels of each kind and of bearings, and the PNG. Args: shore: GeoJSON file of land."""
-    with presentation.opened(database) as found:
-        scene = load(found, presentation.run(found, run_id), None, None, shore)
+    with presentation.opened(database) as opened:
+        scene = load(opened, presentation.run(opened, run_id), None, None, shore)
     png = io.BytesIO()
     draw(scene).savefig(png, format="png", dpi=90, bbox_inches="tight", pad_inches=0.2)
     kinds = {kind.replace(" ", "_"): int((scene.kind == kind).sum()) for kind in (AIS_ONLY, RADAR_ONLY, FUSED)}
@@ -181,18 +181,18 @@ def _trails(axes: Axes, scene: Scene) -> list[Artist]:
 
 def _ellipses(axes: Axes, scene: Scene) -> list[Artist]:
     """Ellipses of 2 sigma, enlarged by the factor in the legend. An ellipse that would cover the rest is left out."""
-    known = np.flatnonzero(np.isfinite(scene.ellipse).all(-1))
-    if not len(known):
+    rows = np.flatnonzero(np.isfinite(scene.ellipse).all(-1))
+    if not len(rows):
         return []
-    major, minor, direction = scene.ellipse[known].T * np.array([[SIGMAS], [SIGMAS], [np.pi / 180.0]])
+    major, minor, direction = scene.ellipse[rows].T * np.array([[SIGMAS], [SIGMAS], [np.pi / 180.0]])
     wanted = ELLIPSE_SHARE * scene.width_nm * NAUTICAL_MILE_M / max(float(np.percentile(major, 90.0)), 1e-3)
     scale = max(s for s in ELLIPSE_SCALES if s <= max(wanted, 1.0))
     fits = scale * major <= LARGEST_SHARE * scene.width_nm * NAUTICAL_MILE_M
-    known, major, minor, direction = known[fits], major[fits], minor[fits], direction[fits]
+    rows, major, minor, direction = rows[fits], major[fits], minor[fits], direction[fits]
     along, across = scale * major[:, None] * np.cos(TURN), scale * minor[:, None] * np.sin(TURN)
     sine, cosine = np.sin(direction)[:, None], np.cos(direction)[:, None]
     metres = np.stack([along * sine + across * cosine, along * cosine - across * sine], -1)
-    outline = _flat(scene, offset_deg(scene.position_deg[known][:, None, :], metres))
+    outline = _flat(scene, offset_deg(scene.position_deg[rows][:, None, :], metres))
     style: dict[str, Any] = {"facecolor": "#1d273318", "edgecolor": "#1d273399"}
     axes.add_collection(PolyCollection(list(outline), linewidths=0.6, zorder=5, **style))
     label = f"uncertainty, {SIGMAS:g} sigma" + (f", drawn {scale} x" if scale > 1 else "")

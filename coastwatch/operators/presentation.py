@@ -148,14 +148,14 @@ def opened(url: str, limit: QueryLimit | None = None) -> Iterator[Store]:
         yield database
 
 
-def run(found: Store, run_id: int | None) -> Run:
+def run(database: Store, run_id: int | None) -> Run:
     """The run with this number, or the latest. Raises: StoreError if there is none."""
-    return cast(Run, store.run(found, store.latest_run(found) if run_id is None else run_id))
+    return cast(Run, store.run(database, store.latest_run(database) if run_id is None else run_id))
 
 
-def runs(found: Store) -> Rows:
+def runs(database: Store) -> Rows:
     """Every run, newest first, with its scores; `scores` is a dict."""
-    listed = store.runs(found)
+    listed = store.runs(database)
     names = ("run", *listed.columns[1:])
     return in_operator_units(Rows(names, listed.rows))
 
@@ -190,9 +190,9 @@ def ending(run_row: Run) -> str:
     return f"{ends} after cycle {_cycles(run_row['cycles_stored'], run_row['cycles'])}" if ends else ""
 
 
-def beyond_end(found: Store, run_row: Run, at_s: float | None) -> str:
+def beyond_end(database: Store, run_row: Run, at_s: float | None) -> str:
     """A sentence if an instant is more than a period after the last cycle of a run; empty if not. Args: run_row: as of `run`."""
-    last_s = None if at_s is None else store.last_instant(found, run_row["id"])
+    last_s = None if at_s is None else store.last_instant(database, run_row["id"])
     if at_s is None or last_s is None or at_s <= last_s + run_row["period_s"]:
         return ""
     return f"run {run_row['id']} holds nothing at {utc_text(at_s)}: its last cycle is at {utc_text(last_s)}, and this answer is of then"
@@ -203,26 +203,26 @@ def _cycles(stored: int, planned: int) -> str:
     return f"{stored}" if planned >= ENDLESS else f"{stored} of {planned}"
 
 
-def picture(found: Store, run_id: int, at_s: float | None, bbox: Box | None) -> Rows:
+def picture(database: Store, run_id: int, at_s: float | None, bbox: Box | None) -> Rows:
     """The picture, one row per vessel, in the units of an operator."""
-    return in_operator_units(store.picture(found, run_id, at_s, bbox))
+    return in_operator_units(store.picture(database, run_id, at_s, bbox))
 
 
-def traffic(found: Store, run_id: int, bbox: Box, span_s: tuple[float, float]) -> Rows:
+def traffic(database: Store, run_id: int, bbox: Box, span_s: tuple[float, float]) -> Rows:
     """The vessels in a box between two instants. Raises: InputError, StoreError."""
     _check_span(*span_s)
-    return in_operator_units(store.traffic(found, run_id, bbox, *span_s))
+    return in_operator_units(store.traffic(database, run_id, bbox, *span_s))
 
 
 def encounters(
-    found: Store, run_id: int, bbox: Box, span_s: tuple[float, float], *, within_m: float, min_sog_kn: float, count: int
+    database: Store, run_id: int, bbox: Box, span_s: tuple[float, float], *, within_m: float, min_sog_kn: float, count: int
 ) -> Rows:
     """Pairs of vessels that came close to each other. Args: as of `store.encounters`. Raises: InputError, StoreError."""
     for name, value in (("within_m", within_m), ("min_sog_kn", min_sog_kn), ("count", count)):
         if not 0.0 <= value < float("inf"):
             raise InputError(f"{name}: got {value:g}, needed 0 or more")
     _check_span(*span_s)
-    return in_operator_units(store.encounters(found, run_id, bbox, *span_s, within_m, min_sog_kn, count))
+    return in_operator_units(store.encounters(database, run_id, bbox, *span_s, within_m, min_sog_kn, count))
 
 
 def _check_span(from_s: float | None, to_s: float | None) -> None:
@@ -235,11 +235,11 @@ TABLES = ("history", "events", "members", "associations", "bearing_associations"
 """Of a vessel, in this order."""
 
 
-def vessel(found: Store, run_row: Run, vessel_id: int) -> Vessel:
+def vessel(database: Store, run_row: Run, vessel_id: int) -> Vessel:
     """Details and tables of one vessel. Args: run_row: as of `run`. Raises: StoreError if the run never had it."""
-    track = store.track(found, run_row["id"], vessel_id)
+    track = store.track(database, run_row["id"], vessel_id)
     row = in_operator_units(Rows(tuple(track.vessel), [tuple(track.vessel.values())]))
-    names = {number: name for number, name, _ in store.sources(found, run_row["id"]).rows}
+    names = {number: name for number, name, _ in store.sources(database, run_row["id"]).rows}
     tables = {}
     for key in TABLES:
         rows: Rows = getattr(track, key)
@@ -262,9 +262,9 @@ SILENT_TURNS, SILENT_LEAST_S, SILENT_AIS_S = 3.0, 10.0, 60.0
 """A radar is silent after so many turns without a report, a sonar after so many intervals, at least after 10 s; AIS after 60 s."""
 
 
-def sensors(found: Store, run_id: int, at_s: float | None) -> Rows:
+def sensors(database: Store, run_id: int, at_s: float | None) -> Rows:
     """One row per sensor with all its columns, and its health: heard, silent or never heard, in the cycle that its row is of."""
-    states = store.sensor_states(found, run_id, at_s)
+    states = store.sensor_states(database, run_id, at_s)
     with_health = []
     for row in states.rows:
         sensor = dict(zip(states.columns, row, strict=True))
@@ -285,7 +285,7 @@ COVER_COLUMNS = ("ais_detection", "ais_looks", "track_detection", "track_looks")
 CLUTTER_COLUMNS = ("false_plots_per_km2", "turns")
 
 
-def radar_cover(found: Store, run_id: int, clutter: bool, sectors: int, rings: int) -> Rows:
+def radar_cover(database: Store, run_id: int, clutter: bool, sectors: int, rings: int) -> Rows:
     """The learnt cover of each radar, or the density of its false plots, in so many sectors and rings.
 
     Sectors of several cells have the mean: of a detection probability by looks, of a density by area. Cells without a look, or
@@ -293,7 +293,7 @@ def radar_cover(found: Store, run_id: int, clutter: bool, sectors: int, rings: i
     Args: sectors, rings: divisors of the cells of `RadarCover`.
     Raises: InputError: no cover is stored.
     """
-    names, cover = store.radar_covers(found, run_id)
+    names, cover = store.radar_covers(database, run_id)
     if not names:
         raise InputError(f"run {run_id}: no cover of a radar is stored; it is learnt from radars with `cover.method` learnt")
     edges_nm = np.linspace(0.0, 1.0, COVER_RANGES + 1) * cover.range_m[:, None] / NAUTICAL_MILE_M
@@ -323,7 +323,7 @@ def radar_cover(found: Store, run_id: int, clutter: bool, sectors: int, rings: i
     return in_operator_units(Rows(("name", "from_deg", "to_deg", "from_nm", "to_nm", *columns), cells))
 
 
-def standing_echoes(found: Store, run_row: Run) -> Rows:
+def standing_echoes(database: Store, run_row: Run) -> Rows:
     """The echoes that the clutter maps of radars hide, one row each, by radar. Args: run_row: as of `run`.
 
     Raises: InputError: no clutter map is learnt.
@@ -333,7 +333,7 @@ def standing_echoes(found: Store, run_row: Run) -> Rows:
             f"run {run_row['id']}: no clutter map is learnt (`tracks.clutter.learnt`), so echoes that stand are in the picture: "
             "`coastwatch query stationary`"
         )
-    return in_operator_units(store.standing_echoes(found, run_row["id"]))
+    return in_operator_units(store.standing_echoes(database, run_row["id"]))
 
 
 def registration(rows: Rows, run_row: Run) -> Rows:
@@ -391,7 +391,7 @@ def questions() -> Rows:
     return Rows(("question", "answers", "parameters"), rows)
 
 
-def answer(found: Store, name: str, parameters: Mapping[str, str], at_s: float | None = None) -> Rows:
+def answer(database: Store, name: str, parameters: Mapping[str, str], at_s: float | None = None) -> Rows:
     """The answer to a question, now or at an instant. Raises: InputError, StoreError."""
     queries = store.operator_queries()
     if name not in queries:
@@ -404,7 +404,7 @@ def answer(found: Store, name: str, parameters: Mapping[str, str], at_s: float |
         hint = did_you_mean(unknown[0], takes) if unknown else ""
         raise InputError(f"query {name}: {got}, needed --set with {', '.join((*takes, 'run'))}{hint}")
     try:
-        return in_operator_units(store.operator_query(found, name, parameters, at_s))
+        return in_operator_units(store.operator_query(database, name, parameters, at_s))
     except ParameterError as error:
         raise InputError(str(error)) from error
 

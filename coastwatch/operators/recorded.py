@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
+from coastwatch.batches import Floats
 from coastwatch.errors import InputError
 from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg, wrap_deg
 from coastwatch.scenario import Area, Scenario
@@ -38,6 +38,10 @@ STORE = {"picture_large": 0, "picture_every_s": 60.0, "checkpoint_every": 30}
 OUTLIERS_PERCENT = 1.0  # of the positions may be outside the area, so that one bad fix does not enlarge it
 
 
+Site = Mapping[str, str | float]
+"""The settings of a sensor: its name, and numbers."""
+
+
 @dataclass(frozen=True)
 class Files:
     """The recorded files. columns: our name of a column, "mmsi" or "plots.time", to the name in the file."""
@@ -54,13 +58,13 @@ class Files:
         return 3.0 if self.plots or self.bearings or self.tracks else 10.0
 
 
-def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s: float) -> dict[str, Any]:
+def document(files: Files, sensors: Mapping[str, Sequence[Site]], period_s: float) -> dict[str, object]:
     """The scenario as a document, as parsed from TOML. Raises: InputError, OSError."""
     ais, tracks = (
         {name: has_sentences(Path(name), option) for name in names}
         for option, names in (("ais", files.ais), ("tracks", files.tracks))
     )
-    given: dict[str, list[str]] = {
+    parts: dict[str, list[str]] = {
         "nmea": [name for name, so in ais.items() if so],
         "ais": [name for name, so in ais.items() if not so],
         "plots": [files.plots] if files.plots else [],
@@ -68,9 +72,11 @@ def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s
         "tracks": [name for name, so in tracks.items() if not so],
         "track_sentences": [name for name, so in tracks.items() if so],
     }
-    names = [Path(name).name for part in given.values() for name in part]
+    names = [Path(name).name for part in parts.values() for name in part]
+    paths = [str(Path(name).resolve()) for part in parts.values() for name in part]
+    digest = zlib.crc32("\n".join(paths).encode())  # so that --restart and --resume affect no other run
     return {
-        "name": _name([name for part in given.values() for name in part]),
+        "name": f"fuse-{re.sub(r'[^A-Za-z0-9_]+', '-', names[0])[:16].strip('-')}-{digest:08x}",  # unique to a set of files
         "title": "Recorded: " + ", ".join(names),
         "period_s": period_s,
         "cycles": 0,
@@ -78,35 +84,29 @@ def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s
         "area": {"latitude_deg": 0.0, "longitude_deg": 0.0},
         **sensors,
         "store": STORE,
-        "input": {"method": "tables", **given, **_columns(files.columns, [part for part in COLUMNS if given[part]])},
+        "input": {"method": "tables", **parts, **_columns(files.columns, [part for part in COLUMNS if parts[part]])},
     }
 
 
-def _name(files: list[str]) -> str:
-    """A name that is unique to a set of files, so that --restart and --resume affect no other run."""
-    digest = zlib.crc32("\n".join(str(Path(name).resolve()) for name in files).encode())
-    return f"fuse-{re.sub(r'[^A-Za-z0-9_]+', '-', Path(files[0]).name)[:16].strip('-')}-{digest:08x}"
-
-
-def track_sources(files: tuple[str, ...], site: tuple[float, float] | None) -> list[dict[str, Any]]:
+def track_sources(files: tuple[str, ...], site: tuple[float, float] | None) -> list[Site]:
     """The track sources of these files, each with a name made of its file's. Files with NMEA come last, as in `document`."""
     ordered = sorted(files, key=lambda name: has_sentences(Path(name), "tracks"))
     stems = [re.sub(r"[^A-Za-z0-9_]+", "-", Path(name).name.split(".")[0])[:24] or "tracks" for name in ordered]
     names = [stem if stems.count(stem) == 1 else f"{stem}-{k}" for k, stem in enumerate(stems, 1)]
-    place = {} if site is None else {"latitude_deg": site[0], "longitude_deg": site[1]}
+    place: dict[str, str | float] = {} if site is None else {"latitude_deg": site[0], "longitude_deg": site[1]}
     return [{"name": name, **place} for name in names]
 
 
-def check_sensors(radars: list[dict[str, Any]], stations: list[dict[str, Any]], sonars: list[dict[str, Any]]) -> None:
+def check_sensors(radars: Sequence[Site], stations: Sequence[Site], sonars: Sequence[Site]) -> None:
     """Refuses wrong values of --radar, --station and --sonar. Raises: InputError that names the option."""
-    kinds: tuple[tuple[str, type[BaseModel], list[dict[str, Any]]], ...] = (
+    kinds: tuple[tuple[str, type[BaseModel], Sequence[Site]], ...] = (
         ("--radar", Radar, radars),
         ("--station", Station, stations),
         ("--sonar", Sonar, sonars),
     )
-    for option, model, given in kinds:
-        names = [sensor["name"] for sensor in given]
-        for sensor in given:
+    for option, model, sites in kinds:
+        names = [sensor["name"] for sensor in sites]
+        for sensor in sites:
             if names.count(sensor["name"]) > 1:
                 raise InputError(
                     f"{option}: got the name {sensor['name']!r} {names.count(sensor['name'])} times, needed it once"
@@ -124,9 +124,9 @@ def _columns(wanted: Mapping[str, str], parts: list[str]) -> dict[str, dict[str,
         part, _, key = ours.rpartition(".")
         takers = [p for p in parts if part in ("", p) and key in COLUMNS[p].model_fields]
         if not takers:
-            known = "; ".join(f"{p}: {', '.join(COLUMNS[p].model_fields)}" for p in parts) or "none, NMEA has no columns"
+            columns = "; ".join(f"{p}: {', '.join(COLUMNS[p].model_fields)}" for p in parts) or "none, NMEA has no columns"
             names = [name for p in parts for field in COLUMNS[p].model_fields for name in (field, f"{p}.{field}")]
-            raise InputError(f"--columns: got {ours!r}, needed one of {known}{did_you_mean(ours, names)}")
+            raise InputError(f"--columns: got {ours!r}, needed one of {columns}{did_you_mean(ours, names)}")
         for p in takers:
             out.setdefault(SETTING[p], {})[key] = yours
     return out
@@ -135,7 +135,7 @@ def _columns(wanted: Mapping[str, str], parts: list[str]) -> dict[str, dict[str,
 def framed(scenario: Scenario) -> Scenario:
     """The scenario with an area around the coverage of its sensors, or without sensors around the AIS positions."""
     sensors = scenario.sensors()
-    kinds: list[Any] = [sensors.radars, sensors.stations, sensors.sonars]
+    kinds = (sensors.radars, sensors.stations, sensors.sonars)
     if any(map(len, kinds)):
         site = np.concatenate([sensor.site_deg for sensor in kinds])
         reach_m = np.concatenate([sensor.range_m for sensor in kinds])
@@ -145,7 +145,7 @@ def framed(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"area": _around(site, reach_m)}) if len(site) else scenario
 
 
-def _around(site_deg: Any, reach_m: Any) -> Area:
+def _around(site_deg: Floats, reach_m: Floats) -> Area:
     """The area around discs."""
     north_m, east_m = scale_m_deg(site_deg[:, 0])
     lat, lon = site_deg[:, 0], site_deg[0, 1] + wrap_deg(site_deg[:, 1] - site_deg[0, 1])

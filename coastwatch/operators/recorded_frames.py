@@ -30,7 +30,7 @@ AXES = ("east", "north", "east_rate", "north_rate")
 
 
 def write(
-    found: Store, run_id: int, from_s: float | None, to_s: float | None, bbox: Box | None, *, form: str, output: str | None
+    database: Store, run_id: int, from_s: float | None, to_s: float | None, bbox: Box | None, *, form: str, output: str | None
 ) -> None:
     """Writes the recorded cycles between two instants to a file, or to the terminal if `output` is None.
 
@@ -40,12 +40,12 @@ def write(
         raise InputError("Parquet is not text: got no --output, needed --output FILE")
     if from_s is not None and to_s is not None and from_s > to_s:
         raise InputError("--from: got an instant after --to, needed one before it")
-    names = {number: csv_cell(name) for number, name, _ in store.sources(found, run_id).rows}
-    frames = (_frame(cycle, names) for cycle in store.replay(found, run_id, from_s, to_s, bbox))
+    names = {number: csv_cell(name) for number, name, _ in store.sources(database, run_id).rows}
+    frames = (_frame(cycle, names) for cycle in store.replay(database, run_id, from_s, to_s, bbox))
     first = next(frames, None)
     if first is None:
         raise StoreError(
-            f"{found.where}: run {run_id} has no recorded cycle in that time span; the setting `store.recording` records a run"
+            f"{database.where}: run {run_id} has no recorded cycle in that time span; the setting `store.recording` records a run"
         )
     if form == "parquet":
         write_parquet(polars.concat([first, *frames]), output)

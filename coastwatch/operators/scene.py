@@ -86,7 +86,7 @@ class Scene:
 
 
 def load(
-    found: Store,
+    database: Store,
     run: Run,
     at_s: float | None,
     bbox: tuple[float, float, float, float] | None,
@@ -103,12 +103,12 @@ def load(
     vessels: ids of selected vessels, which are named and marked. cover: "detection" or "clutter": cells of radars to be coloured.
     Raises: StoreError, InputError.
     """
-    rows = store.picture(found, run["id"], at_s, bbox)
+    rows = store.picture(database, run["id"], at_s, bbox)
     position, ids = _numbers(rows, "latitude_deg", "longitude_deg"), rows.column("vessel_id")
     sog_kn, cog_deg = _numbers(rows, "sog_kn", "cog_deg").T
     east_north = np.stack([np.sin(np.radians(cog_deg)), np.cos(np.radians(cog_deg))], -1)
     time_s = max(rows.column("time_s"), default=None)
-    bearings = _bearings(found, run["id"], ids, position) if at_s is None else np.zeros((2, 0, 2))
+    bearings = _bearings(database, run["id"], ids, position) if at_s is None else np.zeros((2, 0, 2))
     when = f"{utc_text(round(time_s))[:-5]}Z · " if time_s is not None else ""
     centre_deg, width_nm, height_nm = _frame(run["settings"]["area"], bbox)
     ends = f" · {ending(run)}" if ending(run) else ""
@@ -118,17 +118,17 @@ def load(
         centre_deg=centre_deg,
         width_nm=width_nm,
         height_nm=height_nm,
-        coverages=_coverages(store.sensors(found, run["id"])),
+        coverages=_coverages(store.sensors(database, run["id"])),
         position_deg=position,
         velocity_m_s=np.where(sog_kn[:, None] == 0.0, 0.0, (sog_kn * KNOT_M_S)[:, None] * east_north),
         ellipse=_numbers(rows, "major_m", "minor_m", "orientation_deg"),
-        kind=_kinds(rows.column("sources"), store.sources(found, run["id"])),
+        kind=_kinds(rows.column("sources"), store.sources(database, run["id"])),
         flags=np.array(rows.column("flags"), np.int64),
         bearing_from_deg=bearings[0],
         bearing_to_deg=bearings[1],
-        trails_deg=_trails(found, run["id"], ids, position, time_s),
+        trails_deg=_trails(database, run["id"], ids, position, time_s),
         trail_s=TRAIL_S,
-        cover=None if cover is None else _cover_cells(found, run["id"], cover == "clutter"),
+        cover=None if cover is None else _cover_cells(database, run["id"], cover == "clutter"),
     )
     land, label = _land(run["scenario"], shore, scene)
     absent = [str(vessel) for vessel in vessels if vessel not in ids]
@@ -176,23 +176,23 @@ def _coverages(rows: Rows) -> tuple[Coverage, ...]:
     return tuple(sorted(out, key=lambda c: (RADAR, BEARING, STATION).index(c.kind)))
 
 
-def _cover_cells(found: Store, run_id: int, clutter: bool) -> CoverCells:
+def _cover_cells(database: Store, run_id: int, clutter: bool) -> CoverCells:
     """The cells of all radars in which something was learnt. Raises: InputError: no cover is stored."""
-    names, cover = store.radar_covers(found, run_id)
+    names, cover = store.radar_covers(database, run_id)
     if not names:
         raise InputError(f"--cover: run {run_id} has no learnt cover of a radar; it is stored with `cover.method` learnt")
     value = 1e6 * cover.false_plots_per_m2 if clutter else cover.ais_detection
-    known: Bools = np.greater(value if clutter else cover.ais_looks, 0.0) & np.isfinite(cover.site_deg[:, :1, None])
-    radar, sector, ring = np.nonzero(known)
+    learnt: Bools = np.greater(value if clutter else cover.ais_looks, 0.0) & np.isfinite(cover.site_deg[:, :1, None])
+    radar, sector, ring = np.nonzero(learnt)
     angle = 2.0 * np.pi / COVER_AZIMUTHS * (sector[:, None] + np.array([0, 1, 1, 0]))
     reach = (cover.range_m[radar] / COVER_RANGES)[:, None] * (ring[:, None] + np.array([0, 0, 1, 1]))
     metres = np.stack([reach * np.sin(angle), reach * np.cos(angle)], -1)
-    return CoverCells(offset_deg(cover.site_deg[radar][:, None, :], metres), value[known], clutter)
+    return CoverCells(offset_deg(cover.site_deg[radar][:, None, :], metres), value[learnt], clutter)
 
 
-def _kinds(sources: list[str | None], known: Rows) -> Array:
+def _kinds(sources: list[str | None], table: Rows) -> Array:
     """Which sensors have a track of each vessel. Args: sources: names with commas between, None or empty if there is none."""
-    kind_of = {f",{name},": kind for name, kind in zip(known.column("name"), known.column("kind"), strict=True)}
+    kind_of = {f",{name},": kind for name, kind in zip(table.column("name"), table.column("kind"), strict=True)}
     out = []
     for text in sources:
         kinds = {kind for name, kind in kind_of.items() if name in f",{text},"}
@@ -203,10 +203,10 @@ def _kinds(sources: list[str | None], known: Rows) -> Array:
     return np.array(out, "U13")
 
 
-def _bearings(found: Store, run_id: int, vessels: list[int], position_deg: Floats) -> Floats:
+def _bearings(database: Store, run_id: int, vessels: list[int], position_deg: Floats) -> Floats:
     """Ends of the lines from a sensor along its bearings, as far as the associated vessel. (2, B, 2)"""
     row_of = {vessel: k for k, vessel in enumerate(vessels)}
-    rows = store.bearing_tracks(found, run_id)
+    rows = store.bearing_tracks(database, run_id)
     lines = []
     for row in rows.rows:
         track = dict(zip(rows.columns, row, strict=True))
@@ -218,11 +218,11 @@ def _bearings(found: Store, run_id: int, vessels: list[int], position_deg: Float
     return np.stack([site, offset_deg(site, distance_m[:, None] * np.stack([np.sin(angle), np.cos(angle)], -1))])
 
 
-def _trails(found: Store, run_id: int, vessels: list[int], position_deg: Floats, time_s: float | None) -> tuple[Floats, ...]:
+def _trails(database: Store, run_id: int, vessels: list[int], position_deg: Floats, time_s: float | None) -> tuple[Floats, ...]:
     """Of each vessel its positions in the last minutes, the current one last. Args: position_deg: (V, 2)."""
     if time_s is None or len(vessels) > TRAILS_MOST:
         return ()
-    past = store.history(found, run_id, time_s - TRAIL_S, time_s)
+    past = store.history(database, run_id, time_s - TRAIL_S, time_s)
     if not len(past):
         return ()
     vessel = np.array([*past.column("vessel_id"), *vessels], np.int64)

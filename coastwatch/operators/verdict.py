@@ -28,25 +28,27 @@ class Requirement(NamedTuple):
 
 def requirement(text: str) -> Requirement:
     """The requirement that is written as FIGURE>=NUMBER. Raises: argparse.ArgumentTypeError."""
-    found = REQUIREMENT.fullmatch(text)
+    match = REQUIREMENT.fullmatch(text)
     try:
-        limit = float(found[3]) if found else float("nan")
+        limit = float(match[3]) if match else float("nan")
     except ValueError:
         limit = float("nan")
-    if found is None or limit != limit:
+    if match is None or limit != limit:
         raise argparse.ArgumentTypeError(f"got {text!r}, needed FIGURE>=NUMBER or <=, >, <, such as associations.f1>=0.999")
-    return Requirement(found[1], found[2], limit)
+    return Requirement(match[1], match[2], limit)
 
 
 def below_required(scores: Mapping[str, object], requirements: Sequence[Requirement]) -> list[str]:
     """One sentence for each figure that is not as required. Args: scores: of a run; a figure that is absent does not hold."""
-    known, said = dict(figures(scores)), []
+    scored, sentences = dict(figures(scores)), []
     for name, sign, limit in requirements:
-        if name not in known:
-            said.append(f"{name} was not scored, required {sign} {limit:g}: scored were {', '.join(sorted(known)) or 'none'}")
-        elif not HOLDS[sign](known[name], limit):
-            said.append(f"{name} is {known[name]:.6g}, required {sign} {limit:g}")
-    return said
+        if name not in scored:
+            sentences.append(
+                f"{name} was not scored, required {sign} {limit:g}: scored were {', '.join(sorted(scored)) or 'none'}"
+            )
+        elif not HOLDS[sign](scored[name], limit):
+            sentences.append(f"{name} is {scored[name]:.6g}, required {sign} {limit:g}")
+    return sentences
 
 
 def worse_than(scores: Mapping[str, object], run_id: int, before: Mapping[str, object], tolerance: float) -> list[str]:
@@ -55,18 +57,18 @@ def worse_than(scores: Mapping[str, object], run_id: int, before: Mapping[str, o
     Args: before: scores of that run, whose number is run_id; tolerance: of SHARES as it is, of ERRORS as a share of the earlier
     figure.
     """
-    now, said = dict(figures(scores)), []
+    now, sentences = dict(figures(scores)), []
     for name, value in figures(before):
         kind = name.rpartition(".")[2]
         allowed = tolerance if kind in SHARES else tolerance * abs(value)
         if kind not in SHARES + ERRORS:
             continue
         if name not in now:
-            said.append(f"{name} was not scored, in run {run_id} it was {value:.6g}")
+            sentences.append(f"{name} was not scored, in run {run_id} it was {value:.6g}")
         elif (value - now[name] if kind in SHARES else now[name] - value) > allowed:
             verb = "fell" if kind in SHARES else "rose"
-            said.append(f"{name} {verb} from {value:.6g} in run {run_id} to {now[name]:.6g}, tolerance {allowed:.3g}")
-    return said
+            sentences.append(f"{name} {verb} from {value:.6g} in run {run_id} to {now[name]:.6g}, tolerance {allowed:.3g}")
+    return sentences
 
 
 def figures(scores: Mapping[str, object], path: str = "") -> Iterator[tuple[str, float]]:

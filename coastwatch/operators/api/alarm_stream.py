@@ -53,7 +53,7 @@ class AlarmStream:
         book = self._service.book
         event = EVENT_ID.fullmatch(last)  # else of another process, or there is none
         run, at = (int(event[1]), int(event[2])) if event else (-1, -1)
-        told, waiting, order = f"{run}-{at}", dict[str, Alarm](), list[str]()  # order: the most urgent last
+        mark, waiting, order = f"{run}-{at}", dict[str, Alarm](), list[str]()  # order: the most urgent last
         silent_since_s = looked_s = time.monotonic()
         async with _woken(self._service) as wait:
             while not self._stopping():
@@ -61,18 +61,18 @@ class AlarmStream:
                 if changes is None:
                     run, at, alarms = book.snapshot()
                     waiting = {alarm.alarm_id: alarm for alarm in alarms}
-                    told = "" if waiting else f"{run}-{at}"  # whoever has a part of them begins again
-                    yield _event("run", told, json.dumps({"run": run}))
+                    mark = "" if waiting else f"{run}-{at}"  # whoever has a part of them begins again
+                    yield _event("run", mark, json.dumps({"run": run}))
                 elif changes:
                     waiting |= {change.alarm.alarm_id: change.alarm for change in changes}
                     at = changes[-1].number
                 if changes is None or changes:
                     order = sorted(waiting, key=lambda alarm_id: waiting[alarm_id].urgency, reverse=True)
                 portion = [waiting.pop(order.pop()) for _ in range(min(PORTION, len(order)))]
-                before, told = told, told if waiting else f"{run}-{at}"
+                before, mark = mark, mark if waiting else f"{run}-{at}"
                 texts = [text for text in as_json(self._service, portion) if text is not None]
                 if texts:
-                    marks = [before] * (len(texts) - 1) + [told]
+                    marks = [before] * (len(texts) - 1) + [mark]
                     yield b"".join(_event("alarm", mark, text) for mark, text in zip(marks, texts, strict=True))
                 now_s = time.monotonic()
                 if portion:

@@ -59,8 +59,8 @@ class Refusal(BaseModel):
 
 
 REFUSALS: dict[int | str, dict[str, Any]] = {
-    status: {"description": said, "model": Refusal}
-    for status, said in {
+    status: {"description": reason, "model": Refusal}
+    for status, reason in {
         400: "a parameter is wrong",
         401: "a token is needed",
         403: "the role does not suffice, or the host or origin is foreign",

@@ -42,10 +42,10 @@ class Audit:
     def _note(self, scope: Scope, body: bytes, status: int) -> None:
         state, client = scope["state"], str((scope.get("client") or ("unknown",))[0])
         text = body.decode("utf-8", "replace").replace("\0", "")
-        made = Change(time.time(), state["who"], state["role"], client, scope["method"], scope["path"], status, text)
-        fields = {"who": made.who, "method": made.method, "path": made.path, "status": status, "client": client}
+        change = Change(time.time(), state["who"], state["role"], client, scope["method"], scope["path"], status, text)
+        fields = {"who": change.who, "method": change.method, "path": change.path, "status": status, "client": client}
         LOG.info("change", extra={"fields": fields})
         try:
-            self._write(made)
+            self._write(change)
         except StoreError as error:  # the change is done; the log has it
             LOG.error("change not noted in the database: %s", error, extra={"fields": fields})

@@ -51,19 +51,19 @@ class Metrics:
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
-        of: dict[str, Any] = {"registry": self.registry}
-        self.vessels = Gauge("coastwatch_vessels", "Vessels in the picture", **of)
-        self.time = Gauge("coastwatch_picture_time_seconds", "Time of the picture, Unix time", **of)
-        self.viewers = Gauge("coastwatch_viewers", "Open sockets of viewers", **of)
-        self.slow_closed = Counter("coastwatch_viewers_slow_closed", "Viewers closed because they did not read", **of)
-        self.skipped = Counter("coastwatch_frames_skipped", "Frames that viewers skipped because they were slow", **of)
-        self.bytes = Counter("coastwatch_sent_bytes", "Bytes of frames sent", **of)
-        frames = Counter("coastwatch_frames_sent", "Frames sent", ["kind"], **of)
+        registry: dict[str, Any] = {"registry": self.registry}
+        self.vessels = Gauge("coastwatch_vessels", "Vessels in the picture", **registry)
+        self.time = Gauge("coastwatch_picture_time_seconds", "Time of the picture, Unix time", **registry)
+        self.viewers = Gauge("coastwatch_viewers", "Open sockets of viewers", **registry)
+        self.slow_closed = Counter("coastwatch_viewers_slow_closed", "Viewers closed because they did not read", **registry)
+        self.skipped = Counter("coastwatch_frames_skipped", "Frames that viewers skipped because they were slow", **registry)
+        self.bytes = Counter("coastwatch_sent_bytes", "Bytes of frames sent", **registry)
+        frames = Counter("coastwatch_frames_sent", "Frames sent", ["kind"], **registry)
         self.full, self.delta = frames.labels("full"), frames.labels("delta")
-        self.requests = Counter("coastwatch_requests", "Requests answered", ["status"], **of)
-        self.webhooks = Counter("coastwatch_webhook", "Messages to web hooks", ["webhook", "count"], **of)
+        self.requests = Counter("coastwatch_requests", "Requests answered", ["status"], **registry)
+        self.webhooks = Counter("coastwatch_webhook", "Messages to web hooks", ["webhook", "count"], **registry)
         self.cycle = Histogram(
-            "coastwatch_cycle_seconds", "Time of a cycle", buckets=(0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0), **of
+            "coastwatch_cycle_seconds", "Time of a cycle", buckets=(0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0), **registry
         )
         self._newest: tuple[float, float] | None = (
             None  # age of the newest picture when it came, and when by the monotonic clock
@@ -114,11 +114,11 @@ class _Asked:
         yield GaugeMetricFamily("coastwatch_picture_age_seconds", "Age of the picture", self._metrics.age_s)
         ready, counts, feeds, troubles = self._metrics.source()
         yield GaugeMetricFamily("coastwatch_ready", "1: there is a picture of now", float(ready))
-        for name, said in OF_RUN.items():
+        for name, meaning in OF_RUN.items():
             if name in counts:
                 kind = GaugeMetricFamily if name in GAUGES else CounterMetricFamily
                 yield kind(
-                    f"coastwatch_{name.removesuffix('_s')}" + ("_seconds" if name.endswith("_s") else ""), said, counts[name]
+                    f"coastwatch_{name.removesuffix('_s')}" + ("_seconds" if name.endswith("_s") else ""), meaning, counts[name]
                 )
         wrong = GaugeMetricFamily("coastwatch_trouble", "1: something is wrong", labels=["kind", "name", "serious"])
         for kind_of, name, serious in sorted({(one.kind, one.name, str(one.is_serious).lower()) for one in troubles}):

@@ -40,10 +40,10 @@ async def serve_tracks(socket: WebSocket, publisher: Publisher | None, had: Posi
 async def _send(socket: WebSocket, publisher: Publisher, outgoing: Outgoing, from_s: float, wake: asyncio.Event) -> None:
     while True:
         wake.clear()
-        found = []
+        cycles = []
         if outgoing.room:
-            found = await asyncio.to_thread(publisher.after, outgoing.position, outgoing.room, from_s)
-        for position, message in found:
+            cycles = await asyncio.to_thread(publisher.after, outgoing.position, outgoing.room, from_s)
+        for position, message in cycles:
             try:
                 await asyncio.wait_for(socket.send_bytes(message), NOT_READ_S)
             except TimeoutError:
@@ -51,7 +51,7 @@ async def _send(socket: WebSocket, publisher: Publisher, outgoing: Outgoing, fro
                     await asyncio.wait_for(socket.close(NOT_READING, "nothing was read for 30 s"), 1.0)
                 return
             outgoing.sent(position)
-        if not found:
+        if not cycles:
             await wake.wait()
 
 
@@ -59,8 +59,8 @@ async def _listen(socket: WebSocket, outgoing: Outgoing, wake: asyncio.Event) ->
     """Take acknowledgements until the centre leaves."""
     while True:
         try:
-            said = json.loads(await socket.receive_text())
-            outgoing.acknowledged(Position(str(said["run"]), int(said["seq"])))
+            answer = json.loads(await socket.receive_text())
+            outgoing.acknowledged(Position(str(answer["run"]), int(answer["seq"])))
         except (ValueError, KeyError, TypeError):
             await socket.close(BAD_MESSAGE, f'needed {{"run": "...", "seq": 1}}, as in {PROTOCOL}')
             return

@@ -46,9 +46,9 @@ def secret_of(path: str | None) -> str:
     if path is None:
         return ""
     try:
-        found = Path(path).read_text("utf-8").partition("\n")[0].strip()
+        secret = Path(path).read_text("utf-8").partition("\n")[0].strip()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
-    if not found:
+    if not secret:
         raise InputError(f"{path}: got an empty first line, needed the secret that signs messages to web hooks")
-    return found
+    return secret

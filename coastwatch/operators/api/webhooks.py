@@ -149,9 +149,9 @@ async def sending(
 
     async def follow() -> None:
         async for changes in alarms.changes():
-            told = sorted((change for change in changes if change.what in WORDS), key=lambda change: change.alarm.urgency)
-            for k in range(0, len(told), PORTION):
-                messages = _messages(service, told[k : k + PORTION])
+            due = sorted((change for change in changes if change.what in WORDS), key=lambda change: change.alarm.urgency)
+            for k in range(0, len(due), PORTION):
+                messages = _messages(service, due[k : k + PORTION])
                 for sender in senders:
                     sender.take(messages)
                 await asyncio.sleep(0.0)

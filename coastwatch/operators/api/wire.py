@@ -205,8 +205,8 @@ def encoded(picture: LivePicture) -> Vessels:
         name: np.rint(picture.array(f"{name}itude_deg" if name == "lat" else "longitude_deg") * 1e7) for name in ("lon", "lat")
     }
     sog, cog = picture.array("sog_kn"), picture.array("cog_deg")
-    known = np.isfinite(sog)
-    out["sog"] = np.where(known, np.rint(np.where(known, sog, 0.0) * 100.0).clip(0, UNKNOWN_SOG - 1), UNKNOWN_SOG)
+    is_known = np.isfinite(sog)
+    out["sog"] = np.where(is_known, np.rint(np.where(is_known, sog, 0.0) * 100.0).clip(0, UNKNOWN_SOG - 1), UNKNOWN_SOG)
     out["cog"] = _steps(cog, 65536.0 / 360.0) & 65535
     out["kind"] = picture.kind
     flags = picture.array("flags")

@@ -49,7 +49,7 @@ def backup(options: argparse.Namespace) -> int:
     print(f"{path}: {size / 1e6:.1f} MB")
     if options.keep is not None:
         ours = re.compile(re.escape(stem) + r"-\d{8}T\d{6}Z\.db")
-        for old in sorted(found for found in target.iterdir() if ours.fullmatch(found.name))[: -options.keep]:
+        for old in sorted(copy for copy in target.iterdir() if ours.fullmatch(copy.name))[: -options.keep]:
             old.unlink()
             print(f"{old}: deleted")
     return 0

@@ -68,8 +68,8 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         if refused := INVALID_CHOICE.fullmatch(message):
             option, word, choices = refused.groups()
-            known = [choice.strip("' ") for choice in choices.split(",")]
-            message = f"{option}: got {word!r}, needed one of {', '.join(known)}{did_you_mean(word, known)}"
+            words = [choice.strip("' ") for choice in choices.split(",")]
+            message = f"{option}: got {word!r}, needed one of {', '.join(words)}{did_you_mean(word, words)}"
         raise InputError(f"{message.removeprefix('argument ')} (see {self.prog} --help)")
 
 
