@@ -31,22 +31,12 @@ KINDS: dict[str, Kind] = {
 }
 
 DIGITS = {
-    "latitude_deg": 6,
-    "longitude_deg": 6,
-    "sog_kn": 2,
-    "statistic": 3,
-    "share": 4,
-    "existence": 3,
-    "ais_detection": 3,
-    "track_detection": 3,
-    "ais_looks": 1,
-    "track_looks": 1,
-    "turns": 1,
-    "plots_per_turn": 2,
+    **dict.fromkeys(("latitude_deg", "longitude_deg"), 6),
+    **dict.fromkeys(("ais_looks", "track_looks", "turns"), 1),
+    **dict.fromkeys(("sog_kn", "plots_per_turn"), 2),
+    **dict.fromkeys(("statistic", "existence", "ais_detection", "track_detection"), 3),
+    **dict.fromkeys(("share", "azimuth_bias_deg", "azimuth_sigma_deg", "azimuth_change_deg"), 4),
     "false_plots_per_km2": 5,
-    "azimuth_bias_deg": 4,
-    "azimuth_sigma_deg": 4,
-    "azimuth_change_deg": 4,
 }
 ENDINGS = {"_deg": 2, "_deg_s": 4, "_m": 1, "_nm": 3, "_kn": 2, "_ms": 3, "_s": 3, "_min": 2}
 OTHER_DIGITS = 6

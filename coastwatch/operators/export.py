@@ -7,21 +7,21 @@ import io
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING
 
 import lazy_loader
 
 from coastwatch.errors import InputError
 from coastwatch.operators.columns import Kind, digits_of, kind_of, rounded
 from coastwatch.spelling import printable
+from coastwatch.store import Rows
 
 if TYPE_CHECKING:
     import polars
 
-    from coastwatch import store
     from coastwatch.operators.presentation import Vessel
 else:
     polars = lazy_loader.load("polars")  # only Parquet needs it
@@ -39,23 +39,6 @@ KEYS = ("vessel_id", "track_id", "run")
 INSTANT = "%Y-%m-%dT%H:%M:%S%.fZ"
 FORMULA = ("=", "+", "-", "@")
 """A spreadsheet computes a cell that begins so."""
-
-
-class Rows(Protocol):
-    """Named columns and rows of plain values, as `coastwatch.store.Rows` has them."""
-
-    @property
-    def columns(self) -> Sequence[str]: ...
-
-    @property
-    def rows(self) -> Sequence[Sequence[object]]: ...
-
-
-class Plain(NamedTuple):
-    """Rows as this module makes them."""
-
-    columns: Sequence[str]
-    rows: Sequence[Sequence[object]]
 
 
 def write(rows: Rows, form: str, output: str | None, heading: str = "") -> None:
@@ -155,7 +138,7 @@ def as_objects(rows: Rows) -> list[dict[str, object]]:
     return [{name: _plain(name, value) for name, value in zip(rows.columns, row, strict=True)} for row in rows.rows]
 
 
-def as_vessel(vessel: Vessel, cut: Callable[[store.Rows], store.Rows] = lambda rows: rows) -> dict[str, object]:
+def as_vessel(vessel: Vessel, cut: Callable[[Rows], Rows] = lambda rows: rows) -> dict[str, object]:
     """Details, tables and meanings of the statistics of a vessel. Args: cut: leaves out rows of a table."""
     details = {name: _plain(name, value) for name, value in vessel.details.items()}
     tables = {key.replace(" ", "_"): as_objects(cut(rows)) for key, rows in vessel.tables.items()}
@@ -231,9 +214,8 @@ def as_parquet(rows: Rows) -> bytes:
         [json.dumps(value, default=str) if isinstance(value, dict | list | tuple) else value for value in column]
         for column in zip(*rows.rows, strict=True)
     ]
-    plain = Plain(rows.columns, list(zip(*columns, strict=True)))
     out = io.BytesIO()
-    as_frame(plain).write_parquet(out)
+    as_frame(Rows(rows.columns, list(zip(*columns, strict=True)))).write_parquet(out)
     return out.getvalue()
 
 

@@ -20,19 +20,9 @@ from coastwatch.store import QueryLimit, Rows, Store, Table
 from coastwatch.store.read.questions import ParameterError
 
 MAIN_COLUMNS = (
-    "vessel_id",
-    "mmsi",
-    "name",
-    "nav_status",
-    "latitude_deg",
-    "longitude_deg",
-    "sog_kn",
-    "cog_deg",
-    "major_m",
-    "updated_utc",
-    "sources",
-    "flags",
-)
+    "vessel_id", "mmsi", "name", "nav_status", "latitude_deg", "longitude_deg", "sog_kn", "cog_deg", "major_m", "updated_utc",
+    "sources", "flags",
+)  # fmt: skip
 """Columns of the picture in the table on a screen; the other formats have all."""
 
 MAIN_SCORES = (("associations", "f1"), ("fused_tracks", "position_rmse_m"), ("picture", "gospa_rms_m"))

@@ -207,22 +207,37 @@ class _Middleware:
             if not count[name]:
                 del count[name]
 
-    def _refused(self, scope: Scope) -> Response | None:
-        """The answer to a request that is refused; None: it goes on, with its role and name in `scope["state"]`."""
-        headers, path, method = Headers(scope=scope), scope["path"], scope["method"]
+    def _asking(self, scope: Scope, limits: Limits) -> Person | Response | None:
+        """Who sends a request or opens a socket; None: nobody that is known; or the answer to one that nobody may send."""
+        headers, client, is_socket = Headers(scope=scope), _client(scope), scope["type"] == "websocket"
         large = too_large(scope)
         if large is not None:
             return JSONResponse({"detail": large.detail}, large.status)
-        foreign = self._guard.refusal(method, headers, False)
+        foreign = self._guard.refusal(scope.get("method", "GET"), headers, is_socket)
         if foreign is not None:
             return JSONResponse({"detail": foreign}, 403)
-        client = _client(scope)
         person = self._guard.person(client, headers)
-        needed = _needed(path, method)
+        who = f"address {client}" if person is None else f"name {person.name}"
+        if person is None:
+            with suppress(ValueError):  # a socket of the file system has no address
+                address = ip_address(client)
+                if isinstance(address, IPv6Address):  # one client has every address of a network of 64 bits
+                    who = f"address {address.ipv4_mapped or int(address) >> 64}"
+        wait_s = 0.0 if self._guard.is_open else limits.wait_s(who)
+        if wait_s:
+            return JSONResponse({"detail": "too many requests"}, 429, {"Retry-After": str(math.ceil(wait_s))})
+        return person
+
+    def _refused(self, scope: Scope) -> Response | None:
+        """The answer to a request that is refused; None: it goes on, with its role and name in `scope["state"]`."""
+        path, method = scope["path"], scope["method"]
+        needed = None  # the role
+        if path != SESSION and path.startswith(PROTECTED):
+            needed = "operator" if method in CHANGES else "admin" if path.startswith(FOR_ADMINS) else "viewer"
         is_file = needed is None and method in SAFE and path != SESSION
-        wait = self._too_many(client, person, self._file_limits if is_file else self._limits)
-        if wait is not None:
-            return wait
+        person = self._asking(scope, self._file_limits if is_file else self._limits)
+        if isinstance(person, Response):
+            return person
         if person is None and needed is not None:
             detail = "a token is needed"
             if self._guard.proxy is not None:
@@ -233,22 +248,11 @@ class _Middleware:
             if not methods or method in methods:  # else the application answers 405 to anybody
                 return JSONResponse({"detail": f"needs the role {needed}, has {person.role}"}, 403)
         person = person or Person("", "viewer")
-        allowed = partial(self._is_allowed, client, headers, needed)
+        allowed = partial(self._is_allowed, _client(scope), Headers(scope=scope), needed)
         scope.setdefault("state", {}).update(
             role=person.role, who=person.name, allowed=allowed, recheck_s=self._guard.recheck_s
         )
         return None
-
-    def _too_many(self, client: str, person: Person | None, limits: Limits) -> Response | None:
-        """The answer to one request too many: of whoever is known, or of an address that offers no token or a wrong one."""
-        who = f"address {client}" if person is None else f"name {person.name}"
-        if person is None:
-            with suppress(ValueError):  # a socket of the file system has no address
-                address = ip_address(client)
-                if isinstance(address, IPv6Address):  # one client has every address of a network of 64 bits
-                    who = f"address {address.ipv4_mapped or int(address) >> 64}"
-        wait_s = 0.0 if self._guard.is_open else limits.wait_s(who)
-        return JSONResponse({"detail": "too many requests"}, 429, {"Retry-After": str(math.ceil(wait_s))}) if wait_s else None
 
     def _is_allowed(self, client: str, headers: Headers, needed: str | None) -> bool:
         """Whether a request that was allowed would be so now. Where that cannot be said it is not."""
@@ -260,26 +264,19 @@ class _Middleware:
         return needed is None or (person is not None and person.may(needed))
 
     async def _socket(self, scope: Scope, receive: Receive, send: Send) -> None:
-        headers, client, socket = Headers(scope=scope), _client(scope), WebSocket(scope, receive, send)
-        large = too_large(scope)
-        if large is not None:
-            await _deny(socket, JSONResponse({"detail": large.detail}, large.status))
+        person, socket = self._asking(scope, self._limits), WebSocket(scope, receive, send)
+        if isinstance(person, Response):
+            if person.status_code == 429:
+                _warn_of_socket(scope, 429)
+            if person.status_code != 403 and "websocket.http.response" in scope.get("extensions", {}):
+                await socket.send_denial_response(person)
+            else:
+                await socket.close(4403 if person.status_code == 403 else TOO_MANY_SOCKETS)  # before accept: HTTP 403
             return
-        if self._guard.refusal("GET", headers, True) is not None:
-            await send({"type": "websocket.close", "code": 4403, "reason": ""})  # before accept: HTTP 403
-            return
-        person = self._guard.person(client, headers)
-        wait = self._too_many(client, person, self._limits)
-        if wait is not None:
-            self._warn_of_socket(scope, 429)
-            await _deny(socket, wait)
-            return
-        code = TOKEN_NEEDED if person is None else 0
-        if person is not None and self._no_room("sockets", person.name, MOST_SOCKETS) is not None:
-            code = TOO_MANY_SOCKETS
-        if person is None or code:
+        if person is None or self._no_room("sockets", person.name, MOST_SOCKETS) is not None:
+            code = TOKEN_NEEDED if person is None else TOO_MANY_SOCKETS
             if not _is_before_sign_in(scope):
-                self._warn_of_socket(scope, code)
+                _warn_of_socket(scope, code)
             offered = scope.get("subprotocols", [])  # closed before it is accepted, the page could not read the code
             await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
             await socket.close(code)
@@ -288,13 +285,9 @@ class _Middleware:
             if self._guard.is_open:
                 await self._app(scope, receive, send)
                 return
-            allowed = partial(self._is_allowed, client, headers, "viewer")
+            allowed = partial(self._is_allowed, _client(scope), Headers(scope=scope), "viewer")
             every_s = self._guard.recheck_s
             await _while_allowed(self._app, scope, receive, send, allowed=allowed, every_s=every_s)
-
-    def _warn_of_socket(self, scope: Scope, code: int) -> None:
-        about = {"path": scope["path"][:200], "code": code, "client": _client(scope)}
-        LOG.warning("socket refused", extra={"fields": about})
 
     def _with_headers(self, scope: Scope, send: Send) -> Send:
         async def sending(message: Message) -> None:
@@ -311,6 +304,11 @@ class _Middleware:
         return sending
 
 
+def _warn_of_socket(scope: Scope, code: int) -> None:
+    about = {"path": scope["path"][:200], "code": code, "client": _client(scope)}
+    LOG.warning("socket refused", extra={"fields": about})
+
+
 def _is_before_sign_in(scope: Scope) -> bool:
     """Whether a request offers neither a token nor a cookie and is no sign-in, as those of a page that is about to ask for a token."""
     headers = Headers(scope=scope)
@@ -322,15 +320,6 @@ def methods_of(scope: Scope) -> list[str]:
     """The methods that routes take for the path of a request; the files of the page do not count."""
     routes = [route for route in scope["app"].routes if not isinstance(route, Mount)]
     return [m for m in METHODS if any(route.matches({**scope, "method": m})[0] is Match.FULL for route in routes)]
-
-
-def _needed(path: str, method: str) -> str | None:
-    """The role that a request needs; None: not even a token."""
-    if path == SESSION or not path.startswith(PROTECTED):
-        return None
-    if method in CHANGES:
-        return "operator"
-    return "admin" if path.startswith(FOR_ADMINS) else "viewer"
 
 
 async def _while_allowed(
@@ -365,14 +354,6 @@ async def _while_allowed(
         await app(scope, receiving, sending)
     finally:
         looking.cancel()
-
-
-async def _deny(socket: WebSocket, answer: Response) -> None:
-    """Refuse a socket with an answer of HTTP, before it is accepted."""
-    if "websocket.http.response" in socket.scope.get("extensions", {}):
-        await socket.send_denial_response(answer)
-    else:
-        await socket.close(TOO_MANY_SOCKETS)
 
 
 def _limited(receive: Receive, send: Send) -> tuple[Receive, Send]:
