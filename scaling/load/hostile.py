@@ -27,7 +27,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-import httpx
+import httpx2 as httpx
 
 from coastwatch.formats.asterix.decoder import datagrams
 from coastwatch.scenario import load_scenario

@@ -26,7 +26,7 @@ from operator import xor
 from pathlib import Path
 from typing import Any
 
-import httpx
+import httpx2 as httpx
 import numpy as np
 
 from coastwatch.operators.api.answers import MOST_ROWS

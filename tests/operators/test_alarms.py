@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from datetime import datetime
 
-import httpx
+import httpx2 as httpx
 import numpy as np
 import pytest
 from server_world import Served, events, listening, raise_alarm, wait_for

@@ -8,7 +8,7 @@ import json
 from socket import create_connection
 from typing import Any
 
-import httpx
+import httpx2 as httpx
 import numpy as np
 import polars
 import pytest

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-import httpx
+import httpx2 as httpx
 import pytest
 from server_world import Served, listening, raise_alarm, wait_for
 from starlette.datastructures import Headers

@@ -6,7 +6,7 @@ import threading
 from itertools import pairwise
 from pathlib import Path
 
-import httpx
+import httpx2 as httpx
 import pytest
 from server_world import Served, listening, wait_for
 

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from typing import NamedTuple
 
-import httpx
+import httpx2 as httpx
 
 from coastwatch.batches.kinds import DISTRESS
 from coastwatch.operators.api.alarm_stream import PORTION, AlarmStream, as_json

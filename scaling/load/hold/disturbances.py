@@ -13,7 +13,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import httpx
+import httpx2 as httpx
 
 from scaling.load.fuzz import Messages
 from scaling.load.hold.senders import FIRST_SPOOFED, OtherMachine, spoofed
