@@ -31,7 +31,11 @@ LAYER = "land"
 @lru_cache(maxsize=512)
 def tile(zoom: int, x: int, y: int) -> bytes:
     """A vector tile with the layer `land`; empty where there is none. Args: x, y: of 2^zoom, from the antimeridian and the north."""
-    land = _cut(_land(zoom, x, y), zoom, x, y)
+    if zoom <= QUARTER_ZOOM:
+        whole = polygons("coarse" if zoom <= COARSE_ZOOM else "fine")
+    else:
+        whole = _quarter(x >> (zoom - QUARTER_ZOOM), y >> (zoom - QUARTER_ZOOM))
+    land = _cut(whole, zoom, x, y)
     flat = shapely.transform(land, lambda step: _unit(step, zoom, x, y))
     bent = ~shapely.is_valid(flat)  # an edge is straight on another chart than before
     flat[bent] = shapely.make_valid(flat[bent])
@@ -41,15 +45,8 @@ def tile(zoom: int, x: int, y: int) -> bytes:
 
 
 @lru_cache(maxsize=64)
-def _land(zoom: int, x: int, y: int) -> Array:
-    """Polygons of which a tile is cut: of the world, or of the tile of QUARTER_ZOOM about it."""
-    if zoom <= QUARTER_ZOOM:
-        return polygons("coarse" if zoom <= COARSE_ZOOM else "fine")
-    return _quarter(x >> (zoom - QUARTER_ZOOM), y >> (zoom - QUARTER_ZOOM))
-
-
-@lru_cache(maxsize=64)
 def _quarter(x: int, y: int) -> Array:
+    """The polygons of a tile of QUARTER_ZOOM, of which those of greater zoom are cut."""
     return _cut(polygons("fine"), QUARTER_ZOOM, x, y)
 
 

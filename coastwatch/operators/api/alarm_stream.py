@@ -11,8 +11,6 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 
-from fastapi.sse import format_sse_event
-
 from coastwatch.operators import export
 from coastwatch.operators.api.service import Service
 from coastwatch.server.alarm_book import Alarm, Change
@@ -134,4 +132,5 @@ async def _woken(service: Service) -> AsyncIterator[Callable[[float], Awaitable[
 
 
 def _event(name: str, number: str, data: str) -> bytes:
-    return format_sse_event(event=name, id=f"{number}-{PROCESS}" if number else "", data_str=data)
+    shown = f"{number}-{PROCESS}" if number else ""
+    return f"id: {shown}\nevent: {name}\ndata: {data}\n\n".encode()

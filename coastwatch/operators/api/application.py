@@ -9,8 +9,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, FastAPI, Header, HTTPException, Query, Request, Response, WebSocket
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import HTMLResponse, JSONResponse
-from fastapi.sse import EventSourceResponse
+from fastapi.responses import HTMLResponse, JSONResponse, StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.staticfiles import StaticFiles
@@ -149,12 +148,12 @@ async def track_stream(
     await serve_tracks(socket, socket.app.state.service.publisher, Position(run, seq), from_s)
 
 
-@router.get("/api/v1/alarms/stream", response_class=EventSourceResponse)
-async def alarm_stream(request: Request, last_event_id: Annotated[str, Header(max_length=40)] = "") -> EventSourceResponse:
+@router.get("/api/v1/alarms/stream", response_class=StreamingResponse)
+async def alarm_stream(request: Request, last_event_id: Annotated[str, Header(max_length=40)] = "") -> StreamingResponse:
     """Server-sent events: `alarm` is a new or changed row; `run`: forget the rows before. `Last-Event-ID` goes on after an event."""
     alarms: AlarmStream = request.app.state.alarms
     events = alarms.events(last_event_id, request.state.allowed, request.state.recheck_s)
-    return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
+    return StreamingResponse(events, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
 
 @router.get("/land/{zoom}/{x}/{y}", include_in_schema=False)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Coroutine
-from contextlib import suppress
 from itertools import islice
 from typing import Any, get_type_hints
 
@@ -35,25 +34,31 @@ class CheckedRoute(APIRoute):
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """The handler of the framework, behind the check. It is called by the framework."""
-        handle, field = super().get_route_handler(), self.body_field
-        if field is None:
+        handle = super().get_route_handler()
+        if self.body_field is None:
             return handle
-
-        def check(body: bytes) -> None:  # as the framework does; what is no JSON is left to it
-            with suppress(ValueError, RecursionError):
-                _, errors = field.validate(json.loads(body), {}, loc=("body",))
-                if errors:
-                    raise RequestValidationError(errors)
 
         async def checked(request: Request) -> Response:
             body = await request.body()
             if has_too_many_values(body):
                 raise HTTPException(413, f"body: got more than {MOST_VALUES} values, needed fewer")
             if len(body) > SMALL_BODY:
-                await run_in_threadpool(check, body)
+                await run_in_threadpool(_check, self, body)
             return await handle(request)
 
         return checked
+
+
+def _check(route: APIRoute, body: bytes) -> None:
+    """Raises: RequestValidationError as the framework does. What is no JSON is left to the framework."""
+    try:
+        document = json.loads(body)
+    except (ValueError, RecursionError):
+        return
+    if route.body_field is not None:
+        _, errors = route.body_field.validate(document, {}, loc=("body",))
+        if errors:
+            raise RequestValidationError(errors)
 
 
 async def refused(request: Request, error: Exception) -> Response:

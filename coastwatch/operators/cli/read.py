@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES
 from coastwatch.errors import InputError
@@ -15,9 +16,15 @@ from coastwatch.spelling import printable
 from coastwatch.store import Rows, Store, delete_run, keep_runs
 
 
-def picture(options: argparse.Namespace) -> int:
+@contextmanager
+def _run(options: argparse.Namespace) -> Iterator[tuple[Store, presentation.Run]]:
+    """The database and the run that the options name."""
     with presentation.opened(options.db) as store:
-        run = presentation.run(store, options.run)
+        yield store, presentation.run(store, options.run)
+
+
+def picture(options: argparse.Namespace) -> int:
+    with _run(options) as (store, run):
         rows = presentation.picture(store, run["id"], options.at, options.bbox)
         warn_beyond_end(store, run, options.at)
     heading = presentation.heading(run, rows)
@@ -54,8 +61,8 @@ def runs(options: argparse.Namespace) -> int:
 
 
 def track(options: argparse.Namespace) -> int:
-    with presentation.opened(options.db) as store:
-        vessel = presentation.vessel(store, presentation.run(store, options.run), options.vessel)
+    with _run(options) as (store, run):
+        vessel = presentation.vessel(store, run, options.vessel)
     if options.format == "json":
         export.write_text(json.dumps(export.as_vessel(vessel), allow_nan=False) + "\n", options.output)
     elif options.format == "gpx":
@@ -74,27 +81,24 @@ def track(options: argparse.Namespace) -> int:
 
 
 def traffic(options: argparse.Namespace) -> int:
-    with presentation.opened(options.db) as store:
-        run_id = presentation.run(store, options.run)["id"]
-        rows = presentation.traffic(store, run_id, options.bbox, (options.from_s, options.to_s))
+    with _run(options) as (store, run):
+        rows = presentation.traffic(store, run["id"], options.bbox, (options.from_s, options.to_s))
     _write(rows, options)
     return 0
 
 
 def encounters(options: argparse.Namespace) -> int:
     limits = {"within_m": options.within, "min_sog_kn": options.min_sog, "count": options.count}
-    with presentation.opened(options.db) as store:
-        run_id = presentation.run(store, options.run)["id"]
-        rows = presentation.encounters(store, run_id, options.bbox, (options.from_s, options.to_s), **limits)
+    with _run(options) as (store, run):
+        rows = presentation.encounters(store, run["id"], options.bbox, (options.from_s, options.to_s), **limits)
     _write(rows, options)
     return 0
 
 
 def replay(options: argparse.Namespace) -> int:
-    with presentation.opened(options.db) as store:
-        run_id = presentation.run(store, options.run)["id"]
+    with _run(options) as (store, run):
         recorded_frames.write(
-            store, run_id, options.from_s, options.to_s, options.bbox, form=options.format, output=options.output
+            store, run["id"], options.from_s, options.to_s, options.bbox, form=options.format, output=options.output
         )
     return 0
 
@@ -104,8 +108,7 @@ SCREEN_CELLS = (12, 4)
 
 
 def sensors(options: argparse.Namespace) -> int:
-    with presentation.opened(options.db) as store:
-        run = presentation.run(store, options.run)
+    with _run(options) as (store, run):
         if options.cover or options.clutter:
             coarse = SCREEN_CELLS if options.format == "table" else (COVER_AZIMUTHS, COVER_RANGES)
             _write(presentation.radar_cover(store, run["id"], options.clutter, *coarse), options)
@@ -141,8 +144,7 @@ def query(options: argparse.Namespace) -> int:
 def plot(options: argparse.Namespace) -> int:
     from coastwatch.operators import plot, scene  # matplotlib takes a second, and only a plot needs it
 
-    with presentation.opened(options.db) as store:
-        run = presentation.run(store, options.run)
+    with _run(options) as (store, run):
         warn_beyond_end(store, run, options.at)
         chosen = {"names": options.names, "vessels": options.vessel, "cover": options.cover}
         drawn = scene.load(store, run, options.at, options.bbox, options.coastline, **chosen)
