@@ -21,10 +21,12 @@ BEGUN = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: "
 @contextmanager
 def impatient(served: Served, folder: Path, monkeypatch: pytest.MonkeyPatch, **limits: Any) -> Iterator[tuple[str, int]]:
     """A server that waits for a head for HEAD_S. Yields: host and port."""
-    from coastwatch.operators.api.patience import Patience
+    from coastwatch.operators.api.patience import SlowRequestGuard
 
     given = {"head_s": HEAD_S, **limits}
-    monkeypatch.setattr("coastwatch.operators.cli.serving.Patience", lambda app, closed: Patience(app, closed, **given))
+    monkeypatch.setattr(
+        "coastwatch.operators.cli.serving.SlowRequestGuard", lambda app, closed: SlowRequestGuard(app, closed, **given)
+    )
     with listening(served.service, web=folder) as address:
         host, _, port = address.rpartition(":")
         yield host, int(port)

@@ -204,7 +204,7 @@ def test_a_journal_survives_a_defect_and_a_database_that_is_away(monkeypatch: py
 
 
 def test_the_thread_of_the_log_survives_a_defect(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(logs, "LOOK_S", 0.01)
+    monkeypatch.setattr(logs, "POLL_S", 0.01)
     source = SimpleNamespace(error=lambda: None, feeds=list, counts=dict)
     watch = Watch(SimpleNamespace(source=source, troubles=list))  # type: ignore[arg-type]
     look, calls = fails_first(watch.look)

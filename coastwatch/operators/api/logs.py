@@ -14,7 +14,7 @@ from coastwatch.operators.api.service import Service
 from coastwatch.server.troubles import Trouble
 
 LOG = logging.getLogger("coastwatch.serve")
-LOOK_S = 1.0
+POLL_S = 1.0
 
 
 class _Lines(logging.Formatter):
@@ -80,7 +80,7 @@ class Watch:
             LOG.info("stopped")
 
     def _watch(self) -> None:
-        while not self._stop.wait(LOOK_S):
+        while not self._stop.wait(POLL_S):
             try:
                 self.look()
             except Exception:  # of one look: the next one may succeed

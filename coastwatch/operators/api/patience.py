@@ -37,7 +37,7 @@ Client = tuple[str | int, ...]
 """Address and port of the other end; empty: a socket of the file system."""
 
 
-class Patience:
+class SlowRequestGuard:
     """An application that knows which connections wait for a request. Its `protocol` closes those that wait too long."""
 
     def __init__(self, app: ASGIApp, closed: Callable[[str], None], head_s: float = HEAD_S, most: int = MOST_WAITING) -> None:
@@ -61,11 +61,11 @@ class Patience:
     @property
     def protocol(self) -> type[asyncio.Protocol]:
         """What uvicorn makes for each connection."""
-        patience = self
+        guard = self
 
         class Watched(_Watched):
             def __init__(self, **given: Any) -> None:
-                super().__init__(H11Protocol(**given), patience)
+                super().__init__(H11Protocol(**given), guard)
 
         return Watched
 
@@ -110,34 +110,34 @@ class _Watched(asyncio.Protocol):
     _client: Client
     _transport: asyncio.Transport
 
-    def __init__(self, inner: asyncio.Protocol, patience: Patience) -> None:
+    def __init__(self, inner: asyncio.Protocol, guard: SlowRequestGuard) -> None:
         self.taken = 0  # bytes since a request or an answer was whole
-        self._inner, self._patience = inner, patience
+        self._inner, self._guard = inner, guard
         self._unread: asyncio.TimerHandle | None = None
         self._left = 0  # bytes that waited at the last look
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._client = tuple((transport.get_extra_info("peername") or ())[:2])
         self._transport = cast(asyncio.Transport, transport)
-        self._patience.opened(self._client, self)
-        self._patience.wait_for(self._client, self._transport)
+        self._guard.opened(self._client, self)
+        self._guard.wait_for(self._client, self._transport)
         self._inner.connection_made(transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._patience.forget(self._client)
+        self._guard.forget(self._client)
         self._stop_looking()
         self._inner.connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
         self.taken += len(data)
         if self.taken > LARGEST_EXTRA + len(data):  # a request that came with them may be whole by now
-            self._patience.end(self._client, self._transport, LARGE)
+            self._guard.end(self._client, self._transport, LARGE)
             return
-        self._patience.wait_for(self._client, self._transport)
+        self._guard.wait_for(self._client, self._transport)
         try:
             self._inner.data_received(data)
         except Exception:  # rubbish behind a request whose answer has begun
-            self._patience.end(self._client, self._transport, LARGE)
+            self._guard.end(self._client, self._transport, LARGE)
 
     def eof_received(self) -> bool | None:
         return self._inner.eof_received()
@@ -157,7 +157,7 @@ class _Watched(asyncio.Protocol):
     def _look(self) -> None:
         """Close the connection if nothing was read since the last look."""
         if self._transport.get_write_buffer_size() >= self._left:
-            self._patience.end(self._client, self._transport, SLOW)
+            self._guard.end(self._client, self._transport, SLOW)
         else:
             self._look_soon()
 

@@ -23,7 +23,7 @@ from coastwatch.operators.api import logs
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.bounds import LARGEST_HEAD, LARGEST_MESSAGE
 from coastwatch.operators.api.guard import LOOPBACK, Guard
-from coastwatch.operators.api.patience import Frames, Patience
+from coastwatch.operators.api.patience import Frames, SlowRequestGuard
 from coastwatch.operators.api.proxy import trusted
 from coastwatch.operators.api.service import Counted, Service
 from coastwatch.operators.api.tokens import Tokens, add
@@ -313,7 +313,7 @@ def listen(service: Service, guard: Guard, options: Deployment, listener: socket
 
 def server_of(app: FastAPI, **given: Any) -> uvicorn.Server:
     """The server of an application, which then knows when it ends. Args: given: more settings of uvicorn."""
-    patience = Patience(app, lambda status: app.state.service.metrics.requests.labels(status).inc())
+    patience = SlowRequestGuard(app, lambda status: app.state.service.metrics.requests.labels(status).inc())
     config = uvicorn.Config(
         patience,
         http=patience.protocol,
