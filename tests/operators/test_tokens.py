@@ -193,7 +193,7 @@ def test_what_ends_the_recheck_of_a_socket_or_stream_ends_it_too(
         httpx.stream("GET", f"http://{address}/api/v1/alarms/stream", headers=bearer(given), timeout=20.0) as alarms,
     ):
         assert socket.recv(timeout=10)
-        monkeypatch.setattr(Tokens, "of", lambda *_: 1 / 0)
+        monkeypatch.setattr(Tokens, "person", lambda *_: 1 / 0)
         assert code_of(socket) == 4401
         list(alarms.iter_lines())  # it ends in order
 
