@@ -11,6 +11,7 @@ import threading
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any
 
 from coastwatch.server.clock import now_s
@@ -68,36 +69,47 @@ class Link:
         }
 
 
+@dataclass(frozen=True)
+class Backoff:
+    """Waits between attempts: each is twice as long as the one before, up to the longest."""
+
+    first_s: float
+    longest_s: float
+
+    def wait_s(self, failures: int) -> float:
+        """How long to wait before the next attempt. Args: failures: in a row, 1 or more."""
+        return min(self.first_s * 2.0 ** min(failures - 1, 30), self.longest_s)
+
+
 @dataclass
 class Reconnecting:
-    """A connection that is made again and again. It waits twice as long each time, but briefly after a session that got somewhere."""
+    """A connection that is made again and again, with longer and longer waits, but a short one after a session that got somewhere."""
 
     link: Link
     name: str  # in the log
     reason: Reason
-    first_s: float
-    last_s: float
-    progress: Callable[[], int]  # a session that makes it greater has got somewhere
-    _wait_s: float = 0.0
+    waits: Backoff
+    progress: Callable[[Link], int] = attrgetter("connections")  # a session that makes it greater has got somewhere
+    _failures: int = 0  # in a row
 
     def run(self, session: Callable[[], object], ended: threading.Event) -> None:
         """Run sessions in this thread until the event is set, which also ends a wait."""
         while not ended.is_set():
             with self._attempt():
                 session()
-            ended.wait(self._wait_s)
+            ended.wait(self.waits.wait_s(self._failures))
 
     async def run_async(self, session: Callable[[], Awaitable[object]]) -> None:
         """Run sessions until the task is cancelled."""
         while True:
             with self._attempt():
                 await session()
-            await asyncio.sleep(self._wait_s)
+            await asyncio.sleep(self.waits.wait_s(self._failures))
 
     @contextmanager
     def _attempt(self) -> Iterator[None]:
         """Whatever ends the block is the `error` of the link, which is not connected afterwards."""
-        before, is_defect = self.progress(), False
+        before, is_defect = self.progress(self.link), False
         try:
             yield
         except Exception as error:
@@ -108,8 +120,8 @@ class Reconnecting:
             self.link.error = f"{type(error).__name__}: {error}" if is_defect else said
         finally:
             self.link.connected = 0
-        got_somewhere = self.progress() > before and not is_defect
-        self._wait_s = self.first_s if got_somewhere else min(2.0 * self._wait_s, self.last_s) or self.first_s
+        got_somewhere = self.progress(self.link) > before and not is_defect
+        self._failures = 1 if got_somewhere else self._failures + 1
 
 
 def notice_loss(found: socket.socket) -> None:

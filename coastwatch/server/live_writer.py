@@ -20,6 +20,7 @@ import numpy as np
 from coastwatch.batches import AisStatics, EventChanges
 from coastwatch.batches.struct import size_bytes
 from coastwatch.errors import StoreError
+from coastwatch.server.link import Backoff
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.writer import STAGE
 from coastwatch.store import CycleRecord, ForCentres, Intake, NoSuchRunError, SkippedCycle, Written
@@ -44,7 +45,7 @@ ROOM, ROOM_S = 20, 1.0
 IDLE_S = 30.0
 """A writer without cycles notes that the run is there after so long: else readers on other machines would take it to have died."""
 
-RETRY_S = (0.5, 1.0, 2.0, 4.0, 8.0, 15.0)
+RETRY = Backoff(0.5, 15.0)
 CLOSE_S = 20.0
 """How long the end of a run tries to write what waits."""
 
@@ -102,7 +103,7 @@ class LiveWriter:
         watch: Stopwatch,
         write: Callable[[CycleRecord], Written],
         announce: Callable[[CycleRecord], None],
-        retry_s: Sequence[float] = RETRY_S,
+        retry: Backoff = RETRY,
         catches_up: Callable[[], bool] = lambda: False,
         before: LiveWriter | None = None,
         idle: Callable[[], None] = lambda: None,
@@ -116,7 +117,7 @@ class LiveWriter:
         was: WriterState = WriterState() if before is None else before.state
         self.state: WriterState = WriterState(not_stored=was.not_stored, failures=was.failures, forgotten=was.forgotten)
         self.lost: NoSuchRunError | None = None  # the run was deleted: nothing can be written of it any more
-        self._watch, self._write, self._announce, self._retry_s = watch, write, announce, tuple(retry_s)
+        self._watch, self._write, self._announce, self._retry = watch, write, announce, retry
         self._idle = idle
         self._catches_up, self._writing_since_s = catches_up, time.monotonic()
         self._waiting: deque[_Waiting] = deque()
@@ -347,12 +348,11 @@ class LiveWriter:
 
     def _wait_to_retry(self) -> bool:
         """Wait before the next attempt. Returns: False: the writer is to close, and its time is over."""
-        wait_s = self._retry_s[min(self._failed_in_a_row, len(self._retry_s)) - 1]
-        until_s = time.monotonic() + wait_s
+        until_s = time.monotonic() + self._retry.wait_s(self._failed_in_a_row)
         with self._changed:
             while (left_s := until_s - time.monotonic()) > 0.0:
                 if self._close_by_s is not None:
-                    left_s = min(left_s, self._close_by_s - time.monotonic(), self._retry_s[0])
+                    left_s = min(left_s, self._close_by_s - time.monotonic(), self._retry.first_s)
                     self._changed.wait(max(left_s, 0.0))
                     break
                 self._changed.wait(left_s)

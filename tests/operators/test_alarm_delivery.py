@@ -26,6 +26,7 @@ from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.webhook_settings import WebHook
 from coastwatch.operators.cli.serving import Followed
 from coastwatch.server.alarm_book import AlarmBook, Chosen
+from coastwatch.server.link import Backoff
 from coastwatch.store import open_store
 
 NUMBER = {name: number for number, name in EVENT_KINDS.items()}
@@ -190,7 +191,7 @@ def test_a_hook_that_takes_no_other_message_is_told_of_a_man_overboard(trouble: 
     async def main(address: str, taken: list[dict[str, Any]]) -> None:
         service: Any = FromBook()
         service.metrics = type("Metrics", (), {"webhooks": Counter("told", "messages", ["webhook", "count"], registry=None)})()
-        async with webhooks.sending([WebHook(address)], AlarmStream(service), service, (1000.0,)):
+        async with webhooks.sending([WebHook(address)], AlarmStream(service), service, Backoff(1000.0, 1000.0)):
             service.book.take(begun("dark", range(1, 4), 10.0))
             while not taken:
                 await asyncio.sleep(0.01)

@@ -148,7 +148,7 @@ def test_a_receiver_whose_answer_does_not_end_holds_up_no_other_message(
     async def main() -> int:
         server = await asyncio.start_server(answer, "127.0.0.1", 0)
         hook = WebHook(f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}/")
-        sender = webhooks._Sender(hook, service, ())
+        sender = webhooks._Sender(hook, service, webhooks.RETRY)
         client = vars(sender)["_client"]
         try:
             return await asyncio.wait_for(sender._post(client, webhooks._Message(0, 1, "a-opened", b"{}")), 5.0)

@@ -34,9 +34,9 @@ from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds import live_input
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
-from coastwatch.server.feeds.sending import encoded, of_scenario, send
+from coastwatch.server.feeds.sending import Batch, encoded, of_scenario, send
 from coastwatch.server.feeds.transport import Inbox, Item
-from coastwatch.server.link import notice_loss
+from coastwatch.server.link import Backoff, notice_loss
 from coastwatch.server.regions.scenario import with_track_sources
 from coastwatch.server.run import run_scenario
 from scaling.load import replayed
@@ -446,6 +446,34 @@ def test_the_generator_reaches_a_server_that_starts_later_and_counts_what_it_sen
         deliver(made, len(SEA.radar) + len(SEA.bearing) + 1)
         sender.join()
     assert sent == {address.text: len(SEA.radar) + len(SEA.bearing) + 1}
+
+
+def test_the_generator_connects_again_to_a_server_that_was_away() -> None:
+    taken: list[bytes] = []
+
+    def batches() -> Iterator[Batch]:
+        for number in range(200):
+            if len(taken) == 2:
+                return
+            yield START_S + number, lambda _: [b"{}"]
+
+    def serve(server: socket.socket) -> None:
+        for _ in range(2):
+            with server.accept()[0] as sender:  # closed after its first lines
+                taken.append(sender.recv(100))
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(20.0)
+        receiver = threading.Thread(target=serve, args=(server,))
+        receiver.start()
+        send(batches(), [parsed(f"json+tcp://127.0.0.1:{server.getsockname()[1]}")], 20.0, threading.Event())
+        receiver.join()
+    assert [data[:2] for data in taken] == [b"{}", b"{}"]
+
+
+@pytest.mark.parametrize(("failures", "wait_s"), [(1, 0.5), (2, 1.0), (5, 8.0), (6, 15.0), (5000, 15.0)])
+def test_each_wait_is_twice_the_one_before_up_to_the_longest(failures: int, wait_s: float) -> None:
+    assert Backoff(0.5, 15.0).wait_s(failures) == wait_s
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,7 @@ from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.outgoing import OutFeed, parsed_out
 from coastwatch.server.follow import Follower
+from coastwatch.server.link import Backoff
 from coastwatch.server.live_picture import Statics, merge_statics, without_absent
 from coastwatch.server.regions.client import Connection, parsed_region
 from coastwatch.server.timing import Stopwatch
@@ -175,7 +176,7 @@ def test_a_feed_that_is_sent_survives_a_defect(monkeypatch: pytest.MonkeyPatch, 
     feed = OutFeed(parsed_out("cot+udp://127.0.0.1:9"))
     messages, calls = fails_first(feed._encoder.messages)
     monkeypatch.setattr(feed._encoder, "messages", messages)
-    monkeypatch.setattr(outgoing, "FIRST_RETRY_S", 0.2)
+    monkeypatch.setattr(outgoing, "RETRY", Backoff(0.2, 15.0))
     with feed:
         feed.receive(served.service.picture())
         wait_for(lambda: feed.error == DEFECT and not feed.connected)

@@ -22,13 +22,14 @@ from coastwatch.operators.api.service import Service
 from coastwatch.scenario import StoreSettings, load_scenario
 from coastwatch.server import live_writer
 from coastwatch.server.alarm_book import AlarmBook
+from coastwatch.server.link import Backoff
 from coastwatch.server.live import LiveRun, NotRunning, Paced
 from coastwatch.server.live_writer import LiveWriter, NotYetStored
 from coastwatch.server.timing import Stopwatch
 from coastwatch.store import CycleRecord, Store, Written
 from coastwatch.store.schema.migrate import check
 
-RETRY_S = (0.01,)
+RETRY = Backoff(0.01, 0.01)
 KEEP = StoreSettings()
 A, B = 12, 10
 """Vessels that are in the picture whenever they are dark here."""
@@ -70,7 +71,7 @@ def database(tmp_path: Path) -> Database:
 
 
 def writer_of(database: Database, announce: Callable[[CycleRecord], None] = lambda _: None) -> LiveWriter:
-    return LiveWriter(Stopwatch(), database.write, announce, RETRY_S)
+    return LiveWriter(Stopwatch(), database.write, announce, RETRY)
 
 
 def test_a_database_that_is_away_for_a_while_gets_every_cycle(database: Database) -> None:
@@ -241,7 +242,7 @@ def test_events_that_cannot_be_written_are_left_in_the_end(database: Database) -
             raise ValueError("a text that no database takes")
         return database.write(one)
 
-    with LiveWriter(Stopwatch(), write, lambda _: None, RETRY_S) as writer:
+    with LiveWriter(Stopwatch(), write, lambda _: None, RETRY) as writer:
         for number in range(4):
             writer.put(record(number, memory, flagged=A if number == 1 else None))
             wait_for(lambda: writer.is_idle)

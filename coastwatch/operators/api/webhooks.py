@@ -17,6 +17,7 @@ from coastwatch.operators.api.alarm_stream import PORTION, AlarmStream, as_json
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.webhook_settings import WebHook, signature
 from coastwatch.server.alarm_book import Change
+from coastwatch.server.link import Backoff
 
 LOG = logging.getLogger("coastwatch.serve")
 WAITING, TIME_OUT_S = 50_000, 10.0
@@ -25,7 +26,7 @@ WAITING, TIME_OUT_S = 50_000, 10.0
 MOST_ANSWER = 1 << 14
 """Bytes of the text of an answer that are read. None of them is used."""
 
-RETRY_AFTER_S = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 60.0)
+RETRY, MOST_RETRIES = Backoff(1.0, 60.0), 7
 MOST_DISTRESS = 50
 """Messages of distress that are sent beside the others. More of them wait in their line, and are first there."""
 
@@ -49,8 +50,8 @@ class _Message(NamedTuple):
 class _Sender:
     """The messages to one hook, the most urgent first. When too many wait, the least urgent ones are dropped and counted."""
 
-    def __init__(self, hook: WebHook, service: Service, retry_after_s: Sequence[float]) -> None:
-        self.hook, self._retry_after_s = hook, retry_after_s
+    def __init__(self, hook: WebHook, service: Service, retry: Backoff) -> None:
+        self.hook, self._retry = hook, retry
         self._waiting: list[_Message] = []  # a heap
         self._distress: set[asyncio.Task[None]] = set()
         self._woken = asyncio.Event()
@@ -114,11 +115,11 @@ class _Sender:
         if 200 <= status < 300:
             self._count["sent"].inc()
             return None
-        if message.attempts >= len(self._retry_after_s) or (300 <= status < 500 and status not in AGAIN):
+        if message.attempts >= MOST_RETRIES or (300 <= status < 500 and status not in AGAIN):
             self._count["failed"].inc()
             return None
         self._count["retried"].inc()
-        return self._retry_after_s[message.attempts]
+        return self._retry.wait_s(message.attempts + 1)
 
     async def _post(self, client: httpx.AsyncClient, message: _Message) -> int:
         """The status of the answer; 0: there was none."""
@@ -142,10 +143,10 @@ class _Sender:
 
 @asynccontextmanager
 async def sending(
-    hooks: Sequence[WebHook], alarms: AlarmStream, service: Service, retry_after_s: Sequence[float] = RETRY_AFTER_S
+    hooks: Sequence[WebHook], alarms: AlarmStream, service: Service, retry: Backoff = RETRY
 ) -> AsyncIterator[None]:
     """Send alarms to the hooks while the block runs."""
-    senders = [_Sender(hook, service, retry_after_s) for hook in hooks]
+    senders = [_Sender(hook, service, retry) for hook in hooks]
 
     async def follow() -> None:
         async for changes in alarms.changes():

@@ -22,7 +22,7 @@ import numpy as np
 from coastwatch.errors import AddressError
 from coastwatch.formats.format import OutSettings, Vessels
 from coastwatch.formats.registry import FORMATS, PICTURES
-from coastwatch.server.link import Link, Reconnecting
+from coastwatch.server.link import Backoff, Link, Reconnecting
 from coastwatch.server.live_picture import LivePicture
 
 TRANSPORTS = ("udp", "tcp")
@@ -30,7 +30,7 @@ EXAMPLES = "cot+udp://239.2.3.1:6969, cot+tcp://tak.example:8087, ttm+udp://10.0
 RATE = 500.0
 TOGETHER_S = 0.1  # messages of so much time are sent together
 FIRST_PERIOD_S = 10.0
-FIRST_RETRY_S, LAST_RETRY_S, CONNECT_S = 0.5, 15.0, 5.0
+RETRY, CONNECT_S = Backoff(0.5, 15.0), 5.0
 
 
 @dataclass(frozen=True)
@@ -107,9 +107,7 @@ class OutFeed(Link):
         return self.as_feed(f"out {self.address.text}", records=self.sent, dropped=self.skipped)
 
     def _run(self) -> None:
-        name = f"out {self.address.text}"
-        again = Reconnecting(self, name, _reason, FIRST_RETRY_S, LAST_RETRY_S, lambda: self.connections)
-        again.run(self._session, self._ended)
+        Reconnecting(self, f"out {self.address.text}", _reason, RETRY).run(self._session, self._ended)
 
     def _session(self) -> None:
         with _connection(self.address) as connection:

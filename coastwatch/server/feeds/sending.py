@@ -22,13 +22,14 @@ from coastwatch.formats.registry import FORMATS
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.recorded.nmea.feed import lines_of
 from coastwatch.server.feeds.address import MQTT_PORTS, Address
+from coastwatch.server.link import Backoff, Link, Reconnecting, reason_of
 
 STEP_S = 0.2
 """Reports of so much time are sent together."""
 
 LINES_A_DATAGRAM = 10
-CONNECT_S = 20.0
-RECONNECT_S, AGAIN_S = 0.1, 0.5  # how long it is tried to connect again, and how often
+CONNECT_S, LISTEN_S = 20.0, 2.0  # how long it is tried to connect, and how long at a time
+RETRY = Backoff(0.1, 0.5)
 Batch = tuple[float, Callable[[Address], list[bytes]]]
 """An instant, and what is sent up to it over an address."""
 
@@ -128,31 +129,47 @@ class _Datagrams:
                 self._socket.sendto(b"\r\n".join(items[low : low + step]), self._to)
 
 
-class _Stream:
+class _Stream(Link):
     """A stream that is opened again when it breaks. What is sent while nobody is there is lost, and delays no other feed."""
 
     def __init__(self, address: Address, stack: ExitStack) -> None:
-        self._address, self._again_s = address, 0.0
-        self._socket: socket.socket | None = _connection(address, CONNECT_S)
+        """Raises: OSError that names the address: nobody was there in CONNECT_S."""
+        super().__init__()
+        self._address = address
+        self._socket: socket.socket | None = None
+        self._there, self._broken, self._ended = threading.Event(), threading.Event(), threading.Event()
+        again = Reconnecting(
+            self, f"feed {address.text}", lambda error: reason_of(error) if isinstance(error, OSError) else None, RETRY
+        )
+        self._thread = threading.Thread(
+            target=again.run, args=(self._session, self._ended), name=f"send {address.text}", daemon=True
+        )
+        self._thread.start()
         stack.callback(self._close)
+        if not self._there.wait(CONNECT_S):
+            raise OSError(f"{address.text}: {self.error}")
 
     def send(self, items: list[bytes]) -> None:
-        if not items:
-            return
-        if self._socket is None and time.monotonic() >= self._again_s:
-            with suppress(OSError):
-                self._socket = _connection(self._address, RECONNECT_S)
-            self._again_s = time.monotonic() + AGAIN_S
-        if self._socket is not None:
+        if items and (found := self._socket) is not None:
             try:
-                self._socket.sendall(b"\r\n".join([*items, b""]))
+                found.sendall(b"\r\n".join([*items, b""]))
             except OSError:
-                self._close()
+                self._socket = None
+                self._broken.set()
+
+    def _session(self) -> None:
+        """Hold a connection until sending fails. Raises: OSError: nobody is there."""
+        self._broken.clear()
+        with _connection(self._address) as self._socket:
+            self.opened()
+            self._there.set()
+            if not self._ended.is_set():
+                self._broken.wait()
 
     def _close(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
+        self._ended.set()
+        self._broken.set()
+        self._thread.join(LISTEN_S)
 
 
 class _File:
@@ -173,25 +190,16 @@ def _opened(address: Address, stack: ExitStack) -> Sender:
     return _File(address, stack) if address.transport == "file" else _Stream(address, stack)
 
 
-def _connection(address: Address, patience_s: float) -> socket.socket:
-    """A stream: to a listener, tried until it is there, or of the first that connects.
-
-    Args: patience_s: after which it is given up. Raises: OSError that names the address.
-    """
+def _connection(address: Address) -> socket.socket:
+    """A stream: to a listener, or of the first that connects. Raises: OSError: nobody is there."""
     if address.transport == "listen":
         with socket.create_server((address.host, address.port)) as server:
-            server.settimeout(patience_s)
+            server.settimeout(LISTEN_S)
             try:
-                return server.accept()[0]
+                made = server.accept()[0]
             except TimeoutError as error:
-                raise OSError(f"{address.text}: nobody has connected in {patience_s:.0f} s") from error
-    until_s = time.monotonic() + patience_s
-    while True:
-        try:
-            made = socket.create_connection((address.host, address.port), timeout=patience_s)
-            made.settimeout(CONNECT_S)  # of each sending
-            return made
-        except OSError as error:
-            if time.monotonic() > until_s:
-                raise OSError(f"{address.text}: {error.strerror or error}") from error
-            time.sleep(0.2)
+                raise OSError(f"nobody has connected in {CONNECT_S:.0f} s") from error
+    else:
+        made = socket.create_connection((address.host, address.port), timeout=LISTEN_S)
+    made.settimeout(CONNECT_S)  # of each sending
+    return made

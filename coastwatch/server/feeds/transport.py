@@ -14,6 +14,7 @@ from collections import OrderedDict, deque
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
@@ -25,7 +26,7 @@ from coastwatch.formats.registry import FORMATS
 from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import MQTT_PORTS, Address
 from coastwatch.server.feeds.growing_file import GrowingFile
-from coastwatch.server.link import Link, Reconnecting, notice_loss, reason_of
+from coastwatch.server.link import Backoff, Link, Reconnecting, notice_loss, reason_of
 
 MOST_ITEMS = 200_000
 """Lines or datagrams that may wait in an inbox."""
@@ -41,7 +42,7 @@ MOST_ADDRESSES = 4_096
 
 LONGEST_LINE = 65_536
 READ_BYTES = 65_536
-FIRST_RETRY_S, LAST_RETRY_S = 0.5, 15.0
+RETRY = Backoff(0.5, 15.0)
 FULL_WAIT_S, TAIL_WAIT_S = 0.02, 0.2
 FORMER_S = 5.0  # how long a file that was renamed must not have grown before it is closed
 DATAGRAM_BUFFER = 4 << 20  # bytes that the system may hold while Python computes
@@ -135,7 +136,9 @@ class Receiver:
                 if inbox.address.transport in ("listen", "udp"):
                     closers.append(await _opened(inbox))
                 else:
-                    tasks.append(asyncio.create_task(_reconnecting(inbox)))
+                    again = Reconnecting(inbox, f"feed {inbox.address.name}", partial(_reason, inbox), RETRY)
+                    read = partial(READERS[inbox.address.transport], inbox)
+                    tasks.append(asyncio.create_task(again.run_async(read)))
         except OSError as error:
             self._failed = error
         except Exception as error:  # else the start would wait for ever
@@ -150,20 +153,6 @@ class Receiver:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-
-
-async def _reconnecting(inbox: Inbox) -> None:
-    """Read a feed that does not listen for ever, whatever is raised."""
-    read = READERS[inbox.address.transport]
-    again = Reconnecting(
-        inbox,
-        f"feed {inbox.address.name}",
-        lambda error: _reason(inbox, error),
-        FIRST_RETRY_S,
-        LAST_RETRY_S,
-        lambda: inbox.connections,
-    )
-    await again.run_async(lambda: read(inbox))
 
 
 def _reason(inbox: Inbox, error: Exception) -> str | None:

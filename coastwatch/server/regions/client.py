@@ -10,6 +10,7 @@ from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
+from operator import attrgetter
 from pathlib import Path
 from typing import Self
 from urllib.parse import parse_qsl, urlencode, urlsplit
@@ -19,12 +20,12 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from coastwatch.errors import AddressError
-from coastwatch.server.link import Link, Reconnecting
+from coastwatch.server.link import Backoff, Link, Reconnecting
 from coastwatch.server.regions.link import IN_FLIGHT, Incoming, Position
 from coastwatch.server.regions.message import LARGEST_MESSAGE, PROTOCOL, MessageError, RegionCycle, decode
 
 PATH = "/api/v1/tracks/stream"
-FIRST_RETRY_S, LAST_RETRY_S, CONNECT_S, CLOSE_S = 0.25, 5.0, 10.0, 2.0
+RETRY, CONNECT_S, CLOSE_S = Backoff(0.25, 5.0), 10.0, 2.0
 LONGEST_NAME = 32
 CLOSED = {4401: "it does not know the token", 4404: "it is no region: --role region", 4408: "this centre did not read"}
 """Why a region closed a connection, by its code."""
@@ -149,12 +150,12 @@ class Connection(Link):
 
     def _run(self) -> None:
         # only a region that sent something has shown a sign of life: it may close a connection at once
-        name = f"region {self.address.name}"
-        Reconnecting(self, name, _reason, FIRST_RETRY_S, LAST_RETRY_S, lambda: self.size).run(self._next_session, self._ended)
+        again = Reconnecting(self, f"region {self.address.name}", _reason, RETRY, attrgetter("size"))
+        again.run(self._next_session, self._ended)
 
     def _next_session(self) -> None:
         while len(self._waiting) >= IN_FLIGHT:  # the region may send as many again
-            if self._ended.wait(FIRST_RETRY_S):
+            if self._ended.wait(RETRY.first_s):
                 return
         try:
             self._session()

@@ -28,8 +28,7 @@ from coastwatch.server.link import Link, Reconnecting, reason_of
 from coastwatch.server.regions.client import (
     CLOSE_S,
     CONNECT_S,
-    FIRST_RETRY_S,
-    LAST_RETRY_S,
+    RETRY,
     Connection,
     RegionAddress,
     first_line,
@@ -225,8 +224,7 @@ class Journal(Link):
         )
 
     def _run(self) -> None:
-        name = f"the journal {self.address.stream}"
-        again = Reconnecting(self, name, _reason, FIRST_RETRY_S, LAST_RETRY_S, lambda: self.connections)
+        again = Reconnecting(self, f"the journal {self.address.stream}", _reason, RETRY)
         again.run(lambda: asyncio.run(self._publish()), self._ended)
 
     async def _publish(self) -> None:
