@@ -1,15 +1,17 @@
-"""How a server runs: one struct that the server file and the command line fill.
+"""How a server runs: one struct that the server file, the environment and the command line fill.
 
 A field of `Server` or `Deployment` with its docstring is the whole of an option: its name, type, default and help.
 """
 
 from __future__ import annotations
 
+import os
+import shlex
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_origin
 from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from pydantic import ConfigDict, Field, ValidationError, model_validator
@@ -99,6 +101,16 @@ class NamedFeed(Settings):
     name: Annotated[str, Field(min_length=1, max_length=32)] | None = None  # in lists; of a region, its track source
     url: str
 
+    def address(self, folder: Path) -> str:
+        """The URL with its name, and with files relative to a folder."""
+        parts = urlsplit(self.url)
+        options = parse_qsl(parts.query)
+        if any(key in FILES for key, _ in options):
+            options = [(key, str(folder / value) if key in FILES else value) for key, value in options]
+            parts = parts._replace(query=urlencode(options, safe="/:,"))
+        url = urlunsplit(parts)
+        return url if self.name is None else f"{url}{'&' if parts.query else '?'}name={self.name}"
+
 
 class Hook(Settings):
     """A web hook: a POST for each alarm that begins or ends."""
@@ -125,6 +137,23 @@ class ServerFile(Settings):
                 "zones: got them without server.scenario, needed both: the process that writes the database watches zones"
             )
         return self
+
+    def options(self, folder: Path) -> dict[str, Any]:
+        """What it says, by the names of the fields of `Deployment`. Args: folder: where the file lies."""
+        out = self.server.model_dump(exclude_unset=True)
+        for name, value in out.items():
+            is_file = any(isinstance(given, Option) and given.is_file for given in Server.model_fields[name].metadata)
+            if (is_file and "://" not in value) or (name == "scenario" and (folder / value).exists()):
+                out[name] = str(folder / value)
+            elif name == "settings":  # as --set takes them
+                texts = {key: str(of).lower() if isinstance(of, bool) else repr(of) for key, of in value.items()}
+                out[name] = texts | {key: of for key, of in value.items() if isinstance(of, str)}
+        hooks = tuple(
+            hook if hook.secret_file is None else hook.model_copy(update={"secret_file": str(folder / hook.secret_file)})
+            for hook in self.webhooks
+        )
+        feed, region = (tuple(one.address(folder) for one in many) for many in (self.feeds, self.regions))
+        return {**out, "feed": feed, "region": region, "hooks": hooks, "zones": self.zones}
 
 
 class Deployment(Server):
@@ -179,26 +208,60 @@ def flag(name: str) -> str:
     return f"--{named or name.replace('_', '-')}"
 
 
-def deployment(given: Mapping[str, Any]) -> Deployment:
-    """How a server runs by its command line, which goes before the server file that `scenario` names, if it names one.
+def variable(name: str) -> str:
+    """The environment variable of a field of `Deployment`, such as COASTWATCH_LATENESS_S."""
+    return f"COASTWATCH_{name.upper()}"
 
-    Args: given: values by the names of the fields; None: not given.
-    Raises: InputError that names the file and the key, or the option.
+
+def deployment(given: Mapping[str, Any], variables: Mapping[str, str] = os.environ) -> Deployment:
+    """How a server runs: by its command line, else by the environment, else by the server file that `scenario` names, if it names one.
+
+    Args:
+        given: values of the command line by the names of the fields; None: not given.
+        variables: the environment.
+    Raises: InputError that names the option, the variable, or the file and the key.
     """
-    typed = {name: value for name, value in given.items() if value is not None and name in Deployment.model_fields}
-    path = Path(str(typed.get("scenario", "")))
-    file = _read(path)
-    typed["settings"] = dict(typed.get("settings", {}))  # pairs, of the command line
-    if file is not None:
-        said = _options(file, path.parent)
-        typed["settings"] = {**said.get("settings", {}), **typed["settings"]}
-        typed = {**said, **typed, "scenario": said.get("scenario")}
+    sources = [
+        {name: value for name, value in given.items() if value is not None and name in Deployment.model_fields},
+        of_environment(variables),
+    ]
+    path = Path(str(next((source["scenario"] for source in sources if "scenario" in source), "")))
+    if (file := of_file(path)) is not None:
+        sources = [{"scenario": file.get("scenario")}, *sources, file]
+    typed: dict[str, Any] = {}
+    for source in reversed(sources):
+        typed |= {**source, "settings": {**typed.get("settings", {}), **dict(source.get("settings", {}))}}
     try:
         return Deployment.model_validate(typed)
     except ValidationError as error:
-        wrong = error.errors()[0]
-        name, sentence = str(wrong["loc"][0]), refusals(error, Deployment)[0]
-        raise InputError(flag(name) + sentence.removeprefix(name)) from error
+        raise _refused(error, flag) from error
+
+
+def of_environment(variables: Mapping[str, str]) -> dict[str, Any]:
+    """What the environment says, by the names of the fields. An empty variable says nothing. Raises: InputError."""
+    texts = {name: variables.get(variable(name), "").strip() for name in Deployment.model_fields if name not in FROM_FILE_ALONE}
+    several: dict[str, Any] = {}
+    for name, text in texts.items():
+        if text and (kind := get_origin(Deployment.model_fields[name].annotation)) in (tuple, dict):
+            try:
+                words = shlex.split(text)
+                several[name] = tuple(words) if kind is tuple else dict(word.split("=", 1) for word in words)
+            except ValueError as error:
+                needed = "URLs" if kind is tuple else "KEY=VALUE"
+                raise InputError(
+                    f"{variable(name)}: got {text!r}, needed {needed}, quoted as in a shell, with blanks between"
+                ) from error
+    try:
+        one = Deployment.model_validate_strings({name: text for name, text in texts.items() if text and name not in several})
+    except ValidationError as error:
+        raise _refused(error, variable) from error
+    return one.model_dump(exclude_unset=True) | several
+
+
+def _refused(error: ValidationError, written: Callable[[str], str]) -> InputError:
+    """The first error of a deployment. Args: written: how the name of a field was written."""
+    name, sentence = str(error.errors()[0]["loc"][0]), refusals(error, Deployment)[0]
+    return InputError(written(name) + sentence.removeprefix(name))
 
 
 def with_zones(scenario: Scenario, zones: tuple[Zone, ...]) -> Scenario:
@@ -212,8 +275,8 @@ def with_zones(scenario: Scenario, zones: tuple[Zone, ...]) -> Scenario:
     return scenario.model_copy(update={"zones": (*scenario.zones, *zones)})
 
 
-def _read(path: Path) -> ServerFile | None:
-    """The file of a server; None: it is a scenario, or the name of one."""
+def of_file(path: Path) -> dict[str, Any] | None:
+    """What the file of a server says, by the names of the fields; None: it is a scenario, or the name of one. Raises: InputError."""
     if path.suffix != ".toml" or not path.is_file():
         return None
     try:
@@ -225,41 +288,6 @@ def _read(path: Path) -> ServerFile | None:
     if not any(table in data for table in TABLES):
         return None
     try:
-        return ServerFile.model_validate(data)
+        return ServerFile.model_validate(data).options(path.parent)
     except ValidationError as error:
         raise InputError("\n".join(f"{path}: {said}" for said in refusals(error, ServerFile))) from error
-
-
-def _options(file: ServerFile, here: Path) -> dict[str, Any]:
-    """What a file says, by the names of the fields. Args: here: the folder of the file."""
-    out = file.server.model_dump(exclude_unset=True)
-    for name, value in out.items():
-        is_file = any(isinstance(given, Option) and given.is_file for given in Server.model_fields[name].metadata)
-        if is_file and "://" not in value:
-            out[name] = str(here / value)
-    if "scenario" in out and (here / out["scenario"]).exists():
-        out["scenario"] = str(here / out["scenario"])
-    if "settings" in out:
-        out["settings"] = {key: value if isinstance(value, str) else _toml(value) for key, value in out["settings"].items()}
-    hooks = (
-        hook if hook.secret_file is None else hook.model_copy(update={"secret_file": str(here / hook.secret_file)})
-        for hook in file.webhooks
-    )
-    feed, region = (tuple(_url(one, here) for one in many) for many in (file.feeds, file.regions))
-    return {**out, "feed": feed, "region": region, "hooks": tuple(hooks), "zones": file.zones}
-
-
-def _toml(value: Any) -> str:
-    """A value as --set takes it."""
-    return str(value).lower() if isinstance(value, bool) else repr(value)
-
-
-def _url(feed: NamedFeed, here: Path) -> str:
-    """The address with its name, and with files relative to a folder."""
-    parts = urlsplit(feed.url)
-    options = parse_qsl(parts.query)
-    if any(key in FILES for key, _ in options):
-        options = [(key, str(here / value) if key in FILES else value) for key, value in options]
-        parts = parts._replace(query=urlencode(options, safe="/:,"))
-    url = urlunsplit(parts)
-    return url if feed.name is None else f"{url}{'&' if parts.query else '?'}name={feed.name}"

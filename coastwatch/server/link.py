@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import Any
+from typing import TypedDict, Unpack
 
 from coastwatch.server.clock import now_s
 
@@ -26,6 +26,32 @@ KEEPALIVE = {"TCP_KEEPIDLE": 15, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3, "TCP_USER
 
 Reason = Callable[[Exception], str | None]
 """What an operator reads about an error of a connection; None: the error is a defect of the program."""
+
+
+class FeedCounts(TypedDict, total=False):
+    """What some kinds of feed count."""
+
+    received: int  # lines, datagrams or cycles
+    records: int  # used
+    refused: int
+    late: int
+    before_run: int  # reports from before the run began
+    dropped: int
+    newest_s: float | None  # time of the newest record
+    faults: dict[str, int]
+    troubles: list[str]
+
+
+class FeedState(FeedCounts):
+    """The state of a feed for operators, as the API answers it."""
+
+    name: str
+    connected: bool
+    connections: int
+    error: str | None
+    bytes: int
+    heard_s: float | None  # when something came or was taken last
+    silent_s: float
 
 
 @dataclass(kw_only=True)
@@ -52,20 +78,24 @@ class Link:
         """For how long nothing has come or gone."""
         return now_s() - max(self.heard_s, self.began_s)
 
-    def as_feed(self, name: str, **more: Any) -> dict[str, Any]:
-        """Its state for operators, as of every feed. Args: more: what this kind of feed counts."""
+    def as_feed(self, name: str, **counts: Unpack[FeedCounts]) -> FeedState:
+        """Its state for operators, as of every feed. Args: counts: of this kind of feed."""
         return {
             "name": name,
             "connected": bool(self.connected),
             "connections": self.connections,
             "error": self.error,
             "bytes": self.size,
-            **dict.fromkeys(("received", "records", "refused", "late", "dropped"), 0),
+            "received": 0,
+            "records": 0,
+            "refused": 0,
+            "late": 0,
+            "dropped": 0,
             "heard_s": self.heard_s or None,
             "silent_s": round(self.silent_s, 1),
             "newest_s": None,
             "faults": {},
-            **more,
+            **counts,
         }
 
 

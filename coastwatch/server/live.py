@@ -7,34 +7,33 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self
+from dataclasses import dataclass
+from typing import Any, Self, TypeVar
 
 from coastwatch import store
-from coastwatch.batches import Fault, Recording, Reports, Sensors
-from coastwatch.centre import Cycle
+from coastwatch.batches import Fault, Sensors
 from coastwatch.cycle import LEFT_OUT
 from coastwatch.errors import StoreError
 from coastwatch.scenario import Scenario
 from coastwatch.server import clock
 from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook, Chosen, known_of
 from coastwatch.server.checkpoint import CheckpointError, Point
+from coastwatch.server.input import Input
+from coastwatch.server.link import FeedState
 from coastwatch.server.live_picture import LivePicture, Statics, merge_statics, of_cycle, stored_statics, without_absent
 from coastwatch.server.live_writer import LiveWriter, WriterState
 from coastwatch.server.regions.publisher import Publisher
-from coastwatch.server.run import run_scenario
+from coastwatch.server.run import Computed, run_scenario
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.troubles import Trouble, of_feeds
-from coastwatch.stage import Plan
-from coastwatch.store import CycleRecord, Intake, NoSuchRunError, Written
+from coastwatch.store import CycleRecord, ForCentres, NoSuchRunError, Written
 
 LOG = logging.getLogger("coastwatch.serve")
 OnPicture = Callable[[LivePicture], None]
-Positions = Mapping[str, tuple[str, int]]
-"""Of each region, its run and the number of the last cycle that is known."""
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -49,69 +48,6 @@ class RunAbout:
 
 class NotRunning(StoreError):
     """There is no run that could write a change."""
-
-
-class Input(Protocol):
-    """What a live run takes its reports from."""
-
-    def begin(
-        self, scenario: Scenario, sensors: Sensors, seed: int, stop: threading.Event, positions: Positions
-    ) -> tuple[Recording, Plan]:
-        """The reports and the instants from now on. Args: positions: of each region, the last cycle that is known."""
-        ...
-
-    def intake(self) -> Sequence[Intake]:
-        """The cycles of regions in the reports of the newest cycle."""
-        ...
-
-    def wait(self, until_s: float, stop: threading.Event) -> bool:
-        """Wait until all reports up to an instant have come. Returns: False: `stop` was set before."""
-        ...
-
-    def due_s(self, until_s: float) -> float:
-        """When, by the clock of this machine, a cycle that ends at an instant can begin to be computed."""
-        ...
-
-    def feeds(self) -> list[dict[str, Any]]:
-        """The feeds with their counters."""
-        ...
-
-
-class Paced:
-    """The input of a scenario at the speed of a clock. A simulation begins now, a recording where it begins."""
-
-    def __init__(self, speed: float = 1.0) -> None:
-        self._speed = speed
-        self._origin = 0.0, 0.0  # an instant, and when it is by the clock
-
-    def begin(
-        self, scenario: Scenario, sensors: Sensors, seed: int, stop: threading.Event, positions: Positions
-    ) -> tuple[Recording, Plan]:
-        """As of `Input`."""
-        plan = scenario.plan()
-        simulated = scenario.input.method in ("simulated", "crossing")
-        if simulated:
-            plan = plan.model_copy(update={"start_s": float(int(clock.now_s()))})
-        recording = scenario.input.load(sensors, seed, plan)
-        self._origin = plan.start_s, plan.start_s if simulated else clock.now_s()
-        return replace(recording, truth=None), plan
-
-    def intake(self) -> Sequence[Intake]:
-        """As of `Input`: it has no regions."""
-        return ()
-
-    def due_s(self, until_s: float) -> float:
-        """As of `Input`."""
-        instant_s, clock_s = self._origin
-        return clock_s + (until_s - instant_s) / self._speed
-
-    def wait(self, until_s: float, stop: threading.Event) -> bool:
-        """As of `Input`."""
-        return not stop.wait(max(self.due_s(until_s) - clock.now_s(), 0.0))
-
-    def feeds(self) -> list[dict[str, Any]]:
-        """As of `Input`: it has none."""
-        return []
 
 
 MOST_RESTARTS, RESTARTS_WITHIN_S = 5, 600.0
@@ -176,10 +112,10 @@ class LiveRun:
         self.faults: tuple[Fault, ...] = ()
         self.failed = False
         self.on_failed: Callable[[], None] = lambda: None  # called in the thread of the run when it has failed for good
-        self._source, self._on_picture, self._statics = source, on_picture, Statics()
+        self.source, self._on_picture, self._statics = source, on_picture, Statics()
         self._publisher = publisher
         self._resume, self._restart_wait_s = resume, tuple(restart_wait_s)
-        self._given: dict[str, Any] = {"database": database, "workers": workers}
+        self._database, self._workers = database, workers
         self._said: str | None = "starting"
         self._refused_zones: tuple[tuple[str, str], ...] = ()  # name, and why it is not watched
         self._sensors: Sensors | None = None
@@ -194,7 +130,6 @@ class LiveRun:
         self._defects: list[float] = []  # when those were that count: neither a set clock nor a database that is away
         self._catches_up = False  # the reports of the last cycle had come before it was asked for
         self._computed_s, self._spacing_s = math.inf, 0.0  # monotonic time of the last cycle, and how long after the one before
-        self._number, self._merged = -1, 0  # of the last cycle: its number, and the cycles that are merged in it
         self._merges: deque[tuple[float, int]] = deque(maxlen=MOST_MERGES)  # Unix time and cycles of each
         self._reached = False  # whether this attempt has come to its first cycle
         self._thread = threading.Thread(target=self._run, name="cycles", daemon=True)
@@ -217,9 +152,9 @@ class LiveRun:
         """What the run does before its first picture, or why it has ended."""
         return self._said
 
-    def feeds(self) -> list[dict[str, Any]]:
+    def feeds(self) -> Sequence[FeedState]:
         """The feeds with their counters."""
-        return self._source.feeds()
+        return self.source.feeds()
 
     def cycle_s(self) -> float | None:
         """How long the stages of the last cycle took together."""
@@ -292,29 +227,28 @@ class LiveRun:
         of = self.scenario
         return RunAbout(of.name, of.title, of.period_s, of.area.model_dump(mode="json"))
 
-    def begin(self, scenario: Scenario, sensors: Sensors, seed: int, positions: Positions) -> tuple[Recording, Plan]:
-        """As `run.Live.begin`."""
+    def ready(self, sensors: Sensors) -> None:
+        """As of `run.Live`."""
         self._begun = True
         if self.stop.is_set():
             raise InterruptedError("stopped before the first cycle")
         self._said, self._sensors = "waiting for the first cycle", sensors
-        return self._source.begin(scenario, sensors, seed, self.stop, positions)
 
     def begun(self, run_id: int, point: Point) -> None:
-        """As `run.Live.begun`. Names and alarms of a run that goes on come from the database, those of a new one from its cycles."""
+        """As of `run.Live`. Names and alarms of a run that goes on come from the database, those of a new one from its cycles."""
         events, known = point.memory.centre.events, list[Alarm]()
-        self._number, self._reached = point.cycle - 1, True
+        self._reached = True
         if point.cycle:
-            with store.open_store(self._given["database"], create=False) as opened:
+            with store.open_store(self._database, create=False) as opened:
                 self._statics = stored_statics(opened, run_id, MOST_STATICS)
                 known = known_of(store.alarms_before(opened, run_id, events.time_s, MOST_ENDED), events)
         self._note_left(run_id)
         self.alarms.begin(run_id, known)
 
     def behind(self, until_s: float) -> int:
-        """As `run.Live.behind`."""
-        due_s = self._source.due_s(until_s)
-        late_s, period_s = clock.now_s() - due_s, self._source.due_s(until_s + self.scenario.period_s) - due_s
+        """As of `run.Live`."""
+        due_s = self.source.due_s(until_s)
+        late_s, period_s = clock.now_s() - due_s, self.source.due_s(until_s + self.scenario.period_s) - due_s
         if late_s <= MERGED_AFTER * period_s:
             return 0
         cycle_s = self._spacing_s
@@ -322,34 +256,31 @@ class LiveRun:
         caught_up_s = late_s / period_s * cycle_s / gained if gained > 0.0 else math.inf
         return int(late_s / period_s) if caught_up_s > CAUGHT_UP_S else 0
 
-    def wait(self, until_s: float) -> bool:
-        """As `run.Live.wait`."""
-        began_s = time.monotonic()
-        came = self._source.wait(until_s, self.stop)
-        self._catches_up = time.monotonic() - began_s < 0.5 * self.scenario.period_s
-        return came
-
-    def computed(self, run_id: int, number: int, cycle: Cycle, reports: Reports, seconds: dict[str, float]) -> None:
-        """As `run.Live.computed`."""
+    def computed(self, done: Computed) -> ForCentres:
+        """As of `run.Live`."""
         assert self._sensors is not None
-        merge_statics(self._statics, reports.statics)
+        cycle, period_s = done.cycle, self.scenario.period_s
+        self._catches_up = done.waited_s < 0.5 * period_s
+        merge_statics(self._statics, done.reports.statics)
         if len(self._statics) > MOST_STATICS:
             self._statics = without_absent(self._statics, cycle.picture.mmsi)
         self.alarms.take(cycle.events)
         self._left_out |= {stage: (count, clock.now_s()) for stage, count in cycle.left_out.items()}
-        self.seconds, self._said = seconds, None
-        self._on_picture(of_cycle(run_id, number, cycle, self._sensors, self._statics))
-        self.late_s = clock.now_s() - self._source.due_s(cycle.time_s)
+        self.seconds, self._said = done.seconds, None
+        self._on_picture(of_cycle(done.run_id, done.number, cycle, self._sensors, self._statics))
+        self.late_s = clock.now_s() - self.source.due_s(cycle.time_s)
         computed_s = time.monotonic()
         self._computed_s, self._spacing_s = computed_s, max(computed_s - self._computed_s, 0.0)
         self.cycles += 1
-        self._merged = number - self._number - 1
-        self.note_merged(self._merged)
-        self.cycles_late += self.late_s > self.scenario.period_s
-        self._number = number
+        self.note_merged(done.merged)
+        self.cycles_late += self.late_s > period_s
+        message = None
+        if self._publisher is not None:
+            message = self._publisher.message(done.run_id, done.number, cycle, self._sensors, done.merged)
+        return ForCentres(message, self.source.intake())
 
     def refuse_zones(self, refused: Sequence[tuple[str, str]]) -> None:
-        """As `run.Live.refuse_zones`."""
+        """As of `run.Live`."""
         self._refused_zones = tuple(refused)
 
     def note_merged(self, cycles: int) -> None:
@@ -357,14 +288,6 @@ class LiveRun:
         self.cycles_merged += cycles
         if cycles:
             self._merges.append((clock.now_s(), cycles))
-
-    def for_centres(self, run_id: int, number: int, cycle: Cycle) -> store.ForCentres:
-        """As `run.Live.for_centres`."""
-        assert self._sensors is not None
-        message = None
-        if self._publisher is not None:
-            message = self._publisher.message(run_id, number, cycle, self._sensors, self._merged)
-        return store.ForCentres(message, self._source.intake())
 
     @contextmanager
     def writer(
@@ -382,7 +305,7 @@ class LiveRun:
         with made:
             yield made
 
-    def later(self, job: Callable[[], Any]) -> Future[Any]:
+    def later(self, job: Callable[[], T]) -> Future[T]:
         """Have a change by an operator written after the cycles until now. While the run is begun again it waits for that.
 
         Raises: NotRunning: there is no run.
@@ -403,7 +326,7 @@ class LiveRun:
             return
         where = f"coastwatch query alarms --run {before}"
         try:
-            with store.open_store(self._given["database"], create=False) as opened:
+            with store.open_store(self._database, create=False) as opened:
                 store.run(opened, before)
         except StoreError as error:  # somebody has deleted it
             where = str(error)
@@ -429,8 +352,14 @@ class LiveRun:
         while not self.stop.is_set():
             self._cycles_before, self._reached = self.cycles, False
             try:
-                result = run_scenario(self.scenario, live=self, progress=progress, resume=resume, **self._given)
-                self.faults = result.faults
+                self.faults = run_scenario(
+                    self.scenario,
+                    workers=self._workers,
+                    database=self._database,
+                    resume=resume,
+                    progress=progress,
+                    live=self,
+                ).faults
                 self._said = None if self.stop.is_set() else "the run has ended: its input has no more reports"
                 return
             except Exception as error:  # of any part: the run is begun again, and the server goes on answering

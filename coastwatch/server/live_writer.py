@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from coastwatch.server.timing import Stopwatch
 from coastwatch.server.writer import STAGE
 from coastwatch.store import CycleRecord, ForCentres, Intake, NoSuchRunError, SkippedCycle, Written
 
+T = TypeVar("T")
 LOG = logging.getLogger("coastwatch.serve")
 
 MOST_WAITING, MOST_BYTES = 40, 256 << 20
@@ -177,7 +178,7 @@ class LiveWriter:
         if self.state.error is not None:
             self._announce_waiting()
 
-    def later(self, job: Callable[[], Any]) -> Future[Any]:
+    def later(self, job: Callable[[], T]) -> Future[T]:
         """Have a job run in the thread that writes, once all cycles until now are written. A closed writer keeps it for the next one.
 
         Args: job: may raise NotYetStored, to be run again after the next cycle.

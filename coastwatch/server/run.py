@@ -6,11 +6,11 @@ import importlib.metadata
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from coastwatch import store
 from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors
@@ -21,12 +21,13 @@ from coastwatch.scenario import Scenario
 from coastwatch.scores import add, result, start
 from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import CheckpointError, Pace, Point
+from coastwatch.server.input import AtOnce, Input
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.warm_up import warm_up
 from coastwatch.server.watched_zones import WatchedZones
-from coastwatch.server.writer import BEHIND, BatchWriter, CycleWriter, Writer
+from coastwatch.server.writer import CycleWriter, batch_writer
 from coastwatch.stage import Plan
-from coastwatch.store import CycleRecord, SkippedCycle, Written
+from coastwatch.store import CycleRecord, ForCentres, SkippedCycle, Store, Written
 from coastwatch.workers import Workers, open_workers, processors
 
 DEFAULT_DATABASE = "sqlite:///coastwatch.db"
@@ -41,18 +42,26 @@ MOST_MERGED = 10
 """Cycles that are merged in the next one at most: a filter that is asked for too long a span predicts too far."""
 
 
-class Live(Protocol):
-    """Input that comes as time passes, and who is given each cycle."""
+class Computed(NamedTuple):
+    """A cycle that has just been computed."""
 
+    run_id: int
+    number: int
+    merged: int  # cycles before it that are merged in it
+    cycle: Cycle
+    reports: Reports
+    seconds: dict[str, float]  # of its stages
+    waited_s: float  # for its reports
+
+
+class Live(Protocol):
+    """A run that goes on as time passes: its input, and who is given each cycle."""
+
+    source: Input
     stop: threading.Event  # ends the run after the cycle in progress
 
-    def begin(
-        self, scenario: Scenario, sensors: Sensors, seed: int, positions: Mapping[str, tuple[str, int]]
-    ) -> tuple[Recording, Plan]:
-        """The input and the instants from now on; it may wait for the first report.
-
-        Args: positions: of each region, its run and the last cycle that the run to be resumed has used.
-        """
+    def ready(self, sensors: Sensors) -> None:
+        """The kernels are compiled, and the input begins. Raises: InterruptedError: `stop` was set before."""
         ...
 
     def begun(self, run_id: int, point: Point) -> None:
@@ -63,20 +72,12 @@ class Live(Protocol):
         """How many periods later than a cycle that ends at an instant another one could be computed already. 0: it is in time."""
         ...
 
-    def wait(self, until_s: float) -> bool:
-        """Wait until all reports up to an instant have come. Returns: False: `stop` was set before."""
-        ...
-
-    def computed(self, run_id: int, number: int, cycle: Cycle, reports: Reports, seconds: dict[str, float]) -> None:
-        """Take a cycle. Args: reports: of the cycle; seconds: of its stages."""
+    def computed(self, done: Computed) -> ForCentres:
+        """Take a cycle. Returns: what is stored of it for other centres."""
         ...
 
     def refuse_zones(self, refused: Sequence[tuple[str, str]]) -> None:
         """Take the names of the zones in the database that cannot be watched, each with the reason."""
-        ...
-
-    def for_centres(self, run_id: int, number: int, cycle: Cycle) -> store.ForCentres:
-        """What is stored of this cycle for other centres."""
         ...
 
     def writer(
@@ -136,7 +137,7 @@ def run_scenario(
         progress: called with cycles done, cycles in all and a short text. on_cycle: called with each cycle, before it is stored.
         on_input: called with what the recorded files hold and with their faults, as far as both are known before the first cycle:
             of tables, not of streams.
-        live: takes the place of the scenario's input and start; its `stop` takes the place of signals.
+        live: its input takes the place of that of the scenario, and its `stop` that of signals.
     Raises: StoreError, OSError, ValueError: errors that the caller can repair; the message says how.
     """
     started = time.perf_counter()
@@ -146,163 +147,222 @@ def run_scenario(
     report = progress or (lambda done, total, text: None)
     report(0, 1, "reading input")
     sensors = scenario.sensors()
+    source: Input
     if live is None:
-        plan = scenario.plan()
-        recording = scenario.input.load(sensors, seed, plan)
+        source = whole = AtOnce(scenario, sensors, seed)
+        total, stop, pace = whole.plan.cycles, threading.Event(), Pace(scenario.store)
         if on_input is not None:
-            on_input(recording.all_contents(), recording.faults)
+            on_input(whole.recording.all_contents(), whole.recording.faults)
+    else:
+        source, total, stop, pace = live.source, 1, live.stop, Pace(scenario.store, scenario.period_s)
     with store.open_store(database) as opened:
         if restart:
             store.discard_runs(opened, scenario.name, seed)
-        watch = Stopwatch()
         with open_workers(scenario.workers.method, count) as opened_workers:
-            warm_up(scenario, sensors, partial(report, 0, plan.cycles if live is None else 1), opened_workers)
-            if live is not None:
-                before = _resume_point(opened, scenario, seed) if resume else None
-                recording, plan = live.begin(scenario, sensors, seed, _positions(opened, before))
-                plan, resume = _live_plan(opened, before, plan)
-            run_id, point = _begin(opened, scenario, sensors, recording, plan, seed, processors(count), resume)
-            if live is not None:
-                live.begun(run_id, point)
-            with _interrupt_as_flag() if live is None else nullcontext(live.stop) as interrupted:
+            run = _Run(scenario, sensors, seed, source, live, stop, pace, opened, opened_workers)
+            warm_up(scenario, sensors, partial(report, 0, total), opened_workers)
+            point = run.begin(resume, processors(count))
+            with _interrupt_as_flag(stop) if live is None else nullcontext():
                 try:
-                    with _cycle_writer(live, opened, scenario, run_id, watch) as writer:
-                        parts = (
-                            scenario,
-                            sensors,
-                            recording,
-                            plan,
-                            opened,
-                            run_id,
-                            opened_workers,
-                            watch,
-                            writer,
-                            interrupted,
-                            live,
-                            Pace(scenario.store, scenario.period_s) if live is not None else Pace(scenario.store),
-                            None if live is None else WatchedZones(opened, scenario, live.refuse_zones),
-                        )
-                        point, vessels, most = _run_cycles(_Run(*parts), point, report, on_cycle)
+                    with run.writing() as run.writer:
+                        point = run.cycles(point, report, on_cycle)
                     memory = gathered(point.memory, opened_workers.regions)
-                    scores = result(point.tally, recording, sensors)
+                    scores = result(point.tally, run.recording, sensors)
                 except BaseException:
-                    faults = *recording.all_faults(), *_losses(scenario, opened_workers)
-                    store.finish_run(opened, run_id, "failed", {}, faults)
+                    faults = *run.recording.all_faults(), *run.lost_workers()
+                    store.finish_run(opened, run.run_id, "failed", {}, faults)
                     raise
-        status = "interrupted" if interrupted.is_set() and point.cycle < plan.cycles else "finished"
-        unused = recording.rest(plan.instant_s(plan.cycles - 1)) if _is_of_whole_files(scenario, recording, live, status) else 0
+        recording, plan = run.recording, run.plan
+        interrupted = stop.is_set() and point.cycle < plan.cycles
+        has_used_files = live is None and scenario.cycles == 0 and not interrupted and bool(recording.all_contents())
+        unused = recording.rest(plan.instant_s(plan.cycles - 1)) if has_used_files else 0
         faults = of_input = recording.all_faults()
         if live is None:
             faults += losses(recording.all_contents(), faults, unused)
-        faults = *faults, *dropped(memory, sensors), *_losses(scenario, opened_workers)
-        store.finish_run(opened, run_id, status, scores, faults)
+        faults = *faults, *dropped(memory, sensors), *run.lost_workers()
+        store.finish_run(opened, run.run_id, "interrupted" if interrupted else "finished", scores, faults)
     return RunResult(
-        run_id,
-        scenario.name,
-        seed,
-        version(),
-        scores,
-        watch.summary(),
-        database,
-        faults,
-        vessels,
-        point.cycle,
-        time.perf_counter() - started,
-        status == "interrupted",
-        recording.all_contents(),
-        plan.instant_s(point.cycle - 1),
-        *most,
-        of_input,
+        run_id=run.run_id,
+        scenario=scenario.name,
+        seed=seed,
+        version=version(),
+        scores=scores,
+        timings_s=run.watch.summary(),
+        database=database,
+        faults=faults,
+        vessels=run.vessels,
+        cycles=point.cycle,
+        elapsed_s=time.perf_counter() - started,
+        interrupted=interrupted,
+        contents=recording.all_contents(),
+        stop_s=plan.instant_s(point.cycle - 1),
+        most_vessels=run.most[0],
+        most_vessels_s=run.most[1],
+        faults_of_input=of_input,
     )
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Run:
-    """The parts of a run that do not change from cycle to cycle."""
+    """A run in progress. The fields without a value are set when its input begins."""
 
     scenario: Scenario
     sensors: Sensors
-    recording: Recording
-    plan: Plan
-    store: Any
-    run_id: int
-    workers: Workers
-    watch: Stopwatch
-    writer: CycleWriter
-    interrupted: threading.Event
+    seed: int
+    source: Input
     live: Live | None
+    stop: threading.Event
     pace: Pace
-    zones: WatchedZones | None  # none: those of the scenario
+    store: Store
+    workers: Workers
+    watch: Stopwatch = field(default_factory=Stopwatch)
+    recording: Recording = field(init=False)
+    plan: Plan = field(init=False)
+    run_id: int = field(init=False)
+    writer: CycleWriter = field(init=False)
+    zones: WatchedZones | None = None  # none: those of the scenario
+    vessels: int = 0  # of the last picture
+    most: tuple[int, float] = field(init=False)  # vessels of a picture, and its time
 
+    def begin(self, resume: bool, workers: int) -> Point:
+        """Begin the input, and a new run; or go on with the one before, if `resume` finds a checkpoint. Returns: the first point.
 
-def _is_of_whole_files(scenario: Scenario, recording: Recording, live: Live | None, status: str) -> bool:
-    """Whether a run has used its files to their ends: of recorded files, not cut to a number of cycles, and finished."""
-    return live is None and scenario.cycles == 0 and status == "finished" and bool(recording.all_contents())
+        A live run whose checkpoint is too old is not resumed. One that begins at a set instant is resumed whenever it is.
+        """
+        scenario, live, settings = self.scenario, self.live, self.scenario.model_dump(mode="json")
+        if live is not None:
+            live.ready(self.sensors)
+        before = store.resume_point(self.store, scenario.name, self.seed, version(), settings) if resume else None
+        positions = {} if before is None else store.region_positions(self.store, before[0], before[1])
+        self.recording, plan = self.source.begin(scenario, self.sensors, self.seed, self.stop, positions)
+        if live is not None and before is not None:
+            former = plan.model_copy(update={"start_s": store.run(self.store, before[0])["start_s"]})
+            if former == plan or 0.0 <= plan.start_s - former.instant_s(before[1]) <= RESUME_WITHIN_S:
+                plan = former
+            else:
+                before = None
+        self.plan, self.most = plan, (0, plan.start_s)
+        if before is not None:
+            self.run_id, point = before[0], _loaded_point(before[2], before[0])
+            store.resume_run(self.store, self.run_id)
+        else:
+            self.run_id = store.begin_run(
+                self.store,
+                scenario=scenario.name,
+                title=scenario.title,
+                seed=self.seed,
+                version=version(),
+                settings=settings,
+                sensors=self.sensors,
+                plan=plan,
+                warmup_cycles=scenario.warmup_cycles,
+                workers=workers,
+                feeds=self.recording.feeds,
+            )
+            point = Point(0, start_run(scenario, self.sensors), start(self.sensors))
+        if live is not None:
+            live.begun(self.run_id, point)
+            self.zones = WatchedZones(self.store, scenario, live.refuse_zones)
+        return point
 
+    def writing(self) -> AbstractContextManager[CycleWriter]:
+        """What takes the cycles to be stored."""
 
-def _losses(scenario: Scenario, workers: Workers) -> Iterator[Fault]:
-    """The workers that were lost and replaced."""
-    if lost := workers.lost():
-        yield Fault(
-            "worker lost and replaced, its work computed again", lost, f"workers.method = {scenario.workers.method}", ""
+        def write(record: CycleRecord) -> Written:
+            return store.write_cycle(self.store, self.run_id, record, self.scenario.store)
+
+        if self.live is not None:
+            return self.live.writer(self.run_id, self.watch, write, partial(store.note_running, self.store, self.run_id))
+        return batch_writer(self.watch, self.scenario.store.overlap and self.store.shared, write)
+
+    def lost_workers(self) -> Iterator[Fault]:
+        """The workers that were lost and replaced."""
+        if lost := self.workers.lost():
+            where = f"workers.method = {self.scenario.workers.method}"
+            yield Fault("worker lost and replaced, its work computed again", lost, where, "")
+
+    def cycles(self, point: Point, report: Progress, on_cycle: OnCycle | None) -> Point:
+        """Run from a point to the end, or to the end of the cycle in progress after a stop, with a checkpoint. Returns: the point then."""
+        stopped = self.stop.is_set()
+        while point.cycle < self.plan.cycles and not stopped:
+            number = point.cycle
+            if self.live is not None and number:  # a later cycle if the run is behind, so that the picture is of now
+                behind = self.live.behind(self.plan.instant_s(number))
+                number += min(behind, MOST_MERGED, self.plan.cycles - 1 - number)
+            began_s = time.monotonic()
+            if not self.source.wait(self.plan.instant_s(number), self.stop):
+                if point.cycle and self.pace.newest != point.cycle - 1:
+                    blob = self.saved(point)
+                    self.writer.later(partial(store.write_checkpoint, self.store, self.run_id, point.cycle - 1, blob))
+                break
+            point, cycle, warning, stopped = self.cycle(point, number, time.monotonic() - began_s)
+            self.vessels = len(cycle.picture)
+            self.most = max(self.most, (self.vessels, cycle.time_s), key=lambda one: one[0])
+            if on_cycle is not None:
+                on_cycle(cycle)
+            report(point.cycle, self.plan.cycles, f"{self.vessels} vessels" + (f"; {warning}" if warning else ""))
+            del cycle  # else two cycles are in memory at a time
+        return point
+
+    def saved(self, point: Point) -> bytes:
+        """The checkpoint of a point."""
+        return checkpoint.save(replace(point, memory=gathered(point.memory, self.workers.regions)))
+
+    def cycle(self, point: Point, number: int, waited_s: float) -> tuple[Point, Cycle, str | None, bool]:
+        """One cycle: reports, pipeline, scores, store.
+
+        Args: number: of the cycle; those from the point's to this one are merged in it; waited_s: for its reports.
+        Returns: the point after it, its yield, a warning of the store, and whether it is the last because of a stop.
+        """
+        plan, first, watch = self.plan, point.cycle, self.watch
+        if number == 0:
+            reports = self.recording.of_first_cycle(plan.start_s, plan.instant_s(0))
+        else:
+            reports = self.recording.reports.between(plan.instant_s(first - 1), plan.instant_s(number))
+        memory, cycle = run_cycle(
+            self.scenario,
+            self.sensors,
+            point.memory,
+            reports,
+            plan.instant_s(number),
+            self.workers.spots,
+            watch,
+            self.workers.regions,
+            zones=None if self.zones is None else self.zones.now(),
         )
-
-
-def _resume_point(opened: Any, scenario: Scenario, seed: int) -> tuple[int, int, bytes] | None:
-    """As `store.resume_point`, of this scenario with these settings."""
-    return store.resume_point(opened, scenario.name, seed, version(), scenario.model_dump(mode="json"))
-
-
-def _positions(opened: Any, before: tuple[int, int, bytes] | None) -> dict[str, tuple[str, int]]:
-    """The last cycle of each region that a run had used at its checkpoint."""
-    return {} if before is None else store.region_positions(opened, before[0], before[1])
-
-
-def _live_plan(opened: Any, found: tuple[int, int, bytes] | None, plan: Plan) -> tuple[Plan, bool]:
-    """The plan of a live run and whether it is resumed: that of an unfinished run whose checkpoint is young enough, else a new one.
-
-    A run that begins at a set instant is resumed whenever it is.
-    """
-    if found is None:
-        return plan, False
-    run_id, cycle, _ = found
-    before = plan.model_copy(update={"start_s": store.run(opened, run_id)["start_s"]})
-    resumed = before == plan or 0.0 <= plan.start_s - before.instant_s(cycle) <= RESUME_WITHIN_S
-    return before if resumed else plan, resumed
-
-
-def _begin(
-    opened: Any,
-    scenario: Scenario,
-    sensors: Sensors,
-    recording: Recording,
-    plan: Plan,
-    seed: int,
-    workers: int,
-    resume: bool,
-) -> tuple[int, Point]:
-    """The number of the run and its first point: a checkpoint if `resume` finds one, else the first cycle of a new run."""
-    if resume:
-        found = _resume_point(opened, scenario, seed)
-        if found is not None:
-            run_id, _, blob = found
-            point = _loaded_point(blob, run_id)
-            store.resume_run(opened, run_id)
-            return run_id, point
-    run_id = store.begin_run(
-        opened,
-        scenario=scenario.name,
-        title=scenario.title,
-        seed=seed,
-        version=version(),
-        settings=scenario.model_dump(mode="json"),
-        sensors=sensors,
-        plan=plan,
-        warmup_cycles=scenario.warmup_cycles,
-        workers=workers,
-        feeds=recording.feeds,
-    )
-    return run_id, Point(0, start_run(scenario, sensors), start(sensors))
+        for_centres = ForCentres()
+        if self.live is not None:
+            done = Computed(self.run_id, number, number - first, cycle, reports, watch.so_far(), waited_s)
+            for_centres = self.live.computed(done)
+        tally = point.tally
+        if number >= self.scenario.warmup_cycles and self.recording.truth is not None:
+            with watch("scores"):
+                tally = add(tally, cycle, self.recording, self.sensors)
+        after = Point(number + 1, memory, tally)
+        stopped = self.stop.is_set()  # read once: the last cycle has a checkpoint
+        blob = None
+        with watch("checkpoint"):
+            if stopped or self.pace.is_due(number, self.writer.is_idle):
+                begun_s = time.perf_counter()
+                blob = self.saved(after)
+                self.pace.note(number, len(blob), time.perf_counter() - begun_s)
+        warning = self.writer.wait_for_room()
+        counts = (
+            store.cycle_counts(cycle, reports) if number > first else {}
+        )  # those of the cycle stand for what is merged in it
+        record = CycleRecord(
+            number,
+            cycle.to_write(),
+            reports,
+            watch.so_far(),
+            blob,
+            last=after.cycle == plan.cycles or stopped,
+            for_centres=for_centres,
+            merged=tuple(SkippedCycle(one, plan.instant_s(one), "merged", counts) for one in range(first, number)),
+        )
+        self.writer.put(record)
+        watch.lap()
+        return after, cycle, warning, stopped
 
 
 def _loaded_point(saved: bytes, run_id: int) -> Point:
@@ -316,115 +376,11 @@ def _loaded_point(saved: bytes, run_id: int) -> Point:
     return point
 
 
-def _run_cycles(run: _Run, point: Point, report: Progress, on_cycle: OnCycle | None) -> tuple[Point, int, tuple[int, float]]:
-    """Run from a point to the end, or to the end of the cycle in progress after an interrupt, with a checkpoint.
-
-    Returns: the point after it; the vessels of the last picture; the most vessels of a picture, and its time.
-    """
-    vessels, most, stopped = 0, (0, run.plan.start_s), run.interrupted.is_set()
-    while point.cycle < run.plan.cycles and not stopped:
-        number = _next_cycle(run, point)
-        if run.live is not None and not run.live.wait(run.plan.instant_s(number)):
-            _save(run, point)
-            break
-        point, cycle, warning, stopped = _run_cycle(run, point, number)
-        vessels = len(cycle.picture)
-        most = max(most, (vessels, cycle.time_s), key=lambda found: found[0])
-        if on_cycle is not None:
-            on_cycle(cycle)
-        report(point.cycle, run.plan.cycles, f"{vessels} vessels" + (f"; {warning}" if warning else ""))
-        del cycle  # else two cycles are in memory at a time
-    return point, vessels, most
-
-
-def _next_cycle(run: _Run, point: Point) -> int:
-    """The number of the next cycle: a later one where a live run is behind, so that the picture is of now. Cycles before it are merged."""
-    if run.live is None or point.cycle == 0:
-        return point.cycle
-    merged = min(run.live.behind(run.plan.instant_s(point.cycle)), MOST_MERGED, run.plan.cycles - 1 - point.cycle)
-    return point.cycle + merged
-
-
-def _run_cycle(run: _Run, point: Point, number: int) -> tuple[Point, Cycle, str | None, bool]:
-    """One cycle: reports, pipeline, scores, store. Args: number: of the cycle; those from the point's to this one are merged in it.
-
-    Returns: the point after it, its yield, a warning of the store, and whether it is the last because of an interrupt.
-    """
-    scenario, plan = run.scenario, run.plan
-    if number == 0:
-        reports = run.recording.of_first_cycle(plan.start_s, plan.instant_s(0))
-    else:
-        reports = run.recording.reports.between(plan.instant_s(point.cycle - 1), plan.instant_s(number))
-    spots, regions = run.workers.spots, run.workers.regions
-    given = scenario, run.sensors, point.memory, reports, plan.instant_s(number), spots, run.watch, regions
-    memory, cycle = run_cycle(*given, zones=None if run.zones is None else run.zones.now())
-    if run.live is not None:
-        run.live.computed(run.run_id, number, cycle, reports, run.watch.so_far())
-    tally = point.tally
-    if number >= scenario.warmup_cycles and run.recording.truth is not None:
-        with run.watch("scores"):
-            tally = add(tally, cycle, run.recording, run.sensors)
-    after = Point(number + 1, memory, tally)
-    stopped = run.interrupted.is_set()  # read once: the last cycle has a checkpoint
-    blob = None
-    with run.watch("checkpoint"):
-        if stopped or run.pace.is_due(number, run.writer.is_idle):
-            begun_s = time.perf_counter()
-            blob = checkpoint.save(replace(after, memory=gathered(memory, regions)))
-            run.pace.note(number, len(blob), time.perf_counter() - begun_s)
-    for_centres = store.ForCentres() if run.live is None else run.live.for_centres(run.run_id, number, cycle)
-    warning = run.writer.wait_for_room()
-    record = CycleRecord(
-        number,
-        cycle.to_write(),
-        reports,
-        run.watch.so_far(),
-        blob,
-        last=after.cycle == plan.cycles or stopped,
-        for_centres=for_centres,
-        merged=_merged(plan, point.cycle, number, cycle, reports),
-    )
-    run.writer.put(record)
-    run.watch.lap()
-    return after, cycle, warning, stopped
-
-
-def _merged(plan: Plan, first: int, number: int, cycle: Cycle, reports: Reports) -> tuple[SkippedCycle, ...]:
-    """The cycles that are merged in one. They count what it has."""
-    if first == number:
-        return ()
-    counts = store.cycle_counts(cycle, reports)
-    return tuple(SkippedCycle(one, plan.instant_s(one), "merged", counts) for one in range(first, number))
-
-
-def _save(run: _Run, point: Point) -> None:
-    """Write a checkpoint of a run that ends while it waits for the reports of its next cycle, unless its last cycle has one."""
-    if point.cycle and run.pace.newest != point.cycle - 1:
-        blob = checkpoint.save(replace(point, memory=gathered(point.memory, run.workers.regions)))
-        run.writer.later(partial(store.write_checkpoint, run.store, run.run_id, point.cycle - 1, blob))
-
-
 @contextmanager
-def _cycle_writer(live: Live | None, opened: Any, scenario: Scenario, run_id: int, watch: Stopwatch) -> Iterator[CycleWriter]:
-    """What takes the cycles of a run to be stored."""
-
-    def write(record: CycleRecord) -> Written:
-        return store.write_cycle(opened, run_id, record, scenario.store)
-
-    if live is not None:
-        with live.writer(run_id, watch, write, partial(store.note_running, opened, run_id)) as writer:
-            yield writer
-        return
-    with Writer[Written](watch, scenario.store.overlap and opened.shared, BEHIND) as jobs:
-        yield BatchWriter(jobs, write)
-
-
-@contextmanager
-def _interrupt_as_flag() -> Iterator[threading.Event]:
-    """An event that Ctrl-C or SIGTERM sets, so that a cycle is completed. A second signal raises KeyboardInterrupt."""
-    event = threading.Event()
+def _interrupt_as_flag(event: threading.Event) -> Iterator[None]:
+    """Ctrl-C or SIGTERM set this event, so that a cycle is completed. A second signal raises KeyboardInterrupt."""
     if threading.current_thread() is not threading.main_thread():
-        yield event
+        yield
         return
     usual = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
 
@@ -436,7 +392,7 @@ def _interrupt_as_flag() -> Iterator[threading.Event]:
     for s in usual:
         signal.signal(s, note)
     try:
-        yield event
+        yield
     finally:
         for s, handler in usual.items():
             signal.signal(s, handler)

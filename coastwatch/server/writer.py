@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from coastwatch.server.timing import Stopwatch
@@ -126,3 +127,10 @@ class BatchWriter:
         """As of `CycleWriter`. Raises: StoreError: of an earlier cycle."""
         self._jobs.wait()
         self._jobs.start(job)
+
+
+@contextmanager
+def batch_writer(watch: Stopwatch, overlap: bool, write: Callable[[CycleRecord], Written]) -> Iterator[BatchWriter]:
+    """The writer of a run that is not live. Args: overlap: write in a thread, while the next cycles are computed."""
+    with Writer[Written](watch, overlap, BEHIND) as jobs:
+        yield BatchWriter(jobs, write)

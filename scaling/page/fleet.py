@@ -20,6 +20,7 @@ from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.wire import ahead
 from coastwatch.operators.cli.serving import bound, server_of
 from coastwatch.server.alarm_book import AlarmBook
+from coastwatch.server.link import FeedState
 from coastwatch.server.live_picture import OWN, LivePicture
 from coastwatch.server.troubles import Trouble
 from coastwatch.stage import Plan
@@ -103,7 +104,7 @@ class Simulated:
     def error(self) -> None:
         return None
 
-    def feeds(self) -> list[dict[str, Any]]:
+    def feeds(self) -> list[FeedState]:
         return []
 
     def cycle_s(self) -> None:

@@ -13,7 +13,9 @@ from coastwatch.centre import Cycle
 from coastwatch.cycle import LEFT_OUT, Memory, dropped, run_cycle, start_run
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server import clock
-from coastwatch.server.live import CROWD_SHOWN_S, LiveRun, Paced
+from coastwatch.server.input import Paced
+from coastwatch.server.live import CROWD_SHOWN_S, LiveRun
+from coastwatch.server.run import Computed
 from coastwatch.stage import serial
 
 
@@ -62,9 +64,9 @@ def test_a_server_shows_a_crowd_as_a_trouble_for_a_while(monkeypatch: Any) -> No
     no_reports = scenario.input.load(run._sensors, 1, scenario.plan()).reports.between(-2.0, -1.0)
     now_s = clock.now_s()
     monkeypatch.setattr(clock, "now_s", lambda: now_s)
-    run.computed(1, 0, replace(cycles[-1], left_out={}), no_reports, {})
+    run.computed(Computed(1, 0, 0, replace(cycles[-1], left_out={}), no_reports, {}, 0.0))
     assert [one for one in run.troubles() if one.kind == "crowd"] == []
-    run.computed(1, 1, cycles[-1], no_reports, {})
+    run.computed(Computed(1, 1, 0, cycles[-1], no_reports, {}, 0.0))
     shown = {one.name: one for one in run.troubles() if one.kind == "crowd"}
     assert shown.keys() == cycles[-1].left_out.keys()
     assert "associations" in shown

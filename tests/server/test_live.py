@@ -21,7 +21,8 @@ from coastwatch.operators.typed import utc
 from coastwatch.scenario import load_scenario
 from coastwatch.server import clock
 from coastwatch.server.alarm_book import Alarm
-from coastwatch.server.live import LiveRun, Paced
+from coastwatch.server.input import Paced
+from coastwatch.server.live import LiveRun
 from coastwatch.server.live_picture import stored_statics
 from coastwatch.store.schema import database
 from coastwatch.store.schema.database import writing

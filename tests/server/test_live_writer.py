@@ -22,8 +22,9 @@ from coastwatch.operators.api.service import Service
 from coastwatch.scenario import StoreSettings, load_scenario
 from coastwatch.server import live_writer
 from coastwatch.server.alarm_book import AlarmBook
+from coastwatch.server.input import Paced
 from coastwatch.server.link import Backoff
-from coastwatch.server.live import LiveRun, NotRunning, Paced
+from coastwatch.server.live import LiveRun, NotRunning
 from coastwatch.server.live_writer import LiveWriter, NotYetStored
 from coastwatch.server.timing import Stopwatch
 from coastwatch.store import CycleRecord, Store, Written
@@ -107,7 +108,7 @@ def test_a_run_that_waits_for_input_is_noted_as_there(database: Database, monkey
             raise database.away
         store.note_running(database.store, database.run_id)
 
-    with LiveWriter(Stopwatch(), database.write, lambda _: None, RETRY_S, idle=idle) as writer:
+    with LiveWriter(Stopwatch(), database.write, lambda _: None, RETRY, idle=idle) as writer:
         wait_for(lambda: database.rows("SELECT written_utc FROM run") > [("2021",)])
         database.away = StoreError("database is locked")
         wait_for(lambda: writer.state.failures > 1)

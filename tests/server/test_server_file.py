@@ -10,7 +10,7 @@ from coastwatch.alarms import numbered
 from coastwatch.errors import AddressError, InputError
 from coastwatch.operators.cli.parser import make_parser
 from coastwatch.scenario import load_scenario
-from coastwatch.server.deployment import Deployment, deployment, with_zones
+from coastwatch.server.deployment import FROM_FILE_ALONE, Deployment, deployment, variable, with_zones
 from coastwatch.server.regions.client import check_files, parsed_region
 from coastwatch.shipped import DEFAULT_DB
 
@@ -34,13 +34,13 @@ url = "wss://n:3?token-file=t"
 """
 
 
-def of_words(*words: str) -> Deployment:
-    return deployment(vars(make_parser("serve").parse_args(["serve", *words])))
+def of_words(*words: str, **variables: str) -> Deployment:
+    return deployment(vars(make_parser("serve").parse_args(["serve", *words])), variables)
 
 
-def options(path: Path, text: str, *words: str) -> Deployment:
+def options(path: Path, text: str, *words: str, **variables: str) -> Deployment:
     path.write_text(text, "utf-8")
-    return of_words(str(path), *words)
+    return of_words(str(path), *words, **variables)
 
 
 def test_the_file_that_ops_shows_is_taken(tmp_path: Path) -> None:
@@ -64,6 +64,52 @@ def test_the_command_line_goes_before_the_file(tmp_path: Path) -> None:
     assert (found.port, found.role, found.lateness, found.db) == (9, "region", 2.0, "other.db")
     assert found.feed == ("ais+udp://c:4",)
     assert dict(found.settings)["period_s"] == "7"
+
+
+def test_the_environment_goes_before_the_file_and_after_the_command_line(tmp_path: Path) -> None:
+    variables = {
+        "COASTWATCH_PORT": "9",
+        "COASTWATCH_LATENESS_S": "7.5",
+        "COASTWATCH_DB": "other.db",
+        "COASTWATCH_NEW": "true",
+        "COASTWATCH_TOKENS": "",
+        "COASTWATCH_FEED": "ais+udp://c:4 'ais+file:///var/log/a b.nmea'",
+        "COASTWATCH_SETTINGS": "period_s=7 seed=5",
+        "COASTWATCH_TRACEBACK": "1",
+    }
+    found = options(tmp_path / "watch.toml", WHOLE, "--port", "10", "--set", "seed=6", **variables)
+    assert (found.port, found.lateness, found.db, found.new, found.role) == (10, 7.5, "other.db", True, "centre")
+    assert found.tokens == str(tmp_path / "tokens.toml")  # an empty variable says nothing
+    assert found.feed == ("ais+udp://c:4", "ais+file:///var/log/a b.nmea")
+    assert found.settings == {"period_s": "7", "tracks.method": "imm", "store.overlap": "false", "seed": "6"}
+    assert of_words(**variables, COASTWATCH_SCENARIO=str(tmp_path / "watch.toml")).scenario == "guanabara"
+
+
+@pytest.mark.parametrize("name", [name for name in Deployment.model_fields if name not in FROM_FILE_ALONE])
+def test_each_option_has_a_variable(name: str) -> None:
+    kind = str(Deployment.model_fields[name].annotation)
+    text = "region" if name == "role" else "feeds" if name == "clock" else "json" if name == "log_format" else "4"
+    text = {"bool": "true", "dict": "a=b"}.get(next((word for word in ("bool", "dict") if word in kind), ""), text)
+    found = getattr(of_words(**{variable(name): text}), name)
+    assert found != Deployment.model_fields[name].get_default(call_default_factory=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("PORT", "70000", "got '70000', needed 65535 or less"),
+        ("PORT", "http", "got 'http', needed a whole number"),
+        ("LATENESS_S", "-1", "got '-1', needed 0 or more"),
+        ("NEW", "perhaps", "got 'perhaps', needed true or false"),
+        ("ROLE", "king", "got 'king', needed 'all', 'region' or 'centre'"),
+        ("SETTINGS", "period_s", "got 'period_s', needed KEY=VALUE, quoted as in a shell, with blanks between"),
+        ("FEED", "'a", 'got "\'a", needed URLs, quoted as in a shell, with blanks between'),
+    ],
+)
+def test_what_is_wrong_in_the_environment_is_named_by_its_variable(name: str, text: str, said: str) -> None:
+    with pytest.raises(InputError) as error:
+        of_words("guanabara", **{f"COASTWATCH_{name}": text})
+    assert str(error.value) == f"COASTWATCH_{name}: {said}"
 
 
 def test_without_a_file_options_have_their_defaults() -> None:

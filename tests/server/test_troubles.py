@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from coastwatch.scenario import load_scenario
 from coastwatch.server import clock
-from coastwatch.server.live import SHOWN_S, LiveRun, Paced
+from coastwatch.server.input import Paced
+from coastwatch.server.link import FeedState, Link
+from coastwatch.server.live import SHOWN_S, LiveRun
 from coastwatch.server.troubles import SILENT_S, Trouble, of_feeds
 
 NOW_S = 1_750_000_000.0
 
 
-def feed(name: str, silent_s: float | None, **more: Any) -> dict[str, Any]:
-    """The counters of a feed, as far as they are looked at."""
-    return {"name": name, "silent_s": silent_s, **more}
+def feed(name: str, silent_s: float, error: str | None = None) -> FeedState:
+    """The state of a feed that is silent."""
+    return {**Link(error=error).as_feed(name), "silent_s": silent_s}
 
 
 def test_one_silent_feed_of_two_is_said_and_is_not_serious() -> None:
     (said,) = of_feeds([feed("north", 150.0, error="refused"), feed("south", 3.0)], NOW_S)
     assert said == Trouble("feed", "north", NOW_S - 150.0, "nothing has come for 150 s: refused", False)
     assert of_feeds([feed("north", SILENT_S - 1.0)], NOW_S) == []
-    assert of_feeds([feed("file", None)], NOW_S) == []
 
 
 @pytest.mark.parametrize("names", [("north",), ("north", "south")])

@@ -9,7 +9,7 @@ from concurrent.futures import TimeoutError as NotDoneYet
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from coastwatch import store
 from coastwatch.batches.kinds import PRIORITIES
@@ -21,6 +21,7 @@ from coastwatch.operators.api.metrics import Metrics
 from coastwatch.operators.api.webhook_settings import WebHook
 from coastwatch.server.alarm_book import Alarm, AlarmBook, Chosen, key_of
 from coastwatch.server.feeds.outgoing import OutFeed
+from coastwatch.server.link import FeedState
 from coastwatch.server.live import RunAbout
 from coastwatch.server.live_picture import LivePicture
 from coastwatch.server.live_writer import NotYetStored
@@ -61,7 +62,7 @@ class Source(Protocol):
         """Why there is no newer picture, if something is wrong."""
         ...
 
-    def feeds(self) -> list[dict[str, Any]]:
+    def feeds(self) -> Sequence[FeedState]:
         """The feeds with their counters."""
         ...
 
@@ -98,7 +99,7 @@ class Source(Protocol):
 class Counted(Protocol):
     """What has the counters of a feed."""
 
-    def counters(self) -> dict[str, Any]:
+    def counters(self) -> FeedState:
         """Its state for operators."""
         ...
 
@@ -159,7 +160,7 @@ class Service:
         """The row of the run, as it is now. Raises: NoPictureYet, StoreError."""
         return presentation.run(self.store, self.run_id())
 
-    def feeds(self) -> list[dict[str, object]]:
+    def feeds(self) -> list[FeedState]:
         """The feeds with their counters."""
         return [*self.source.feeds(), *(out.counters() for out in (*self.outs, *self.journals))]
 

@@ -197,7 +197,8 @@ def fuse(parser: argparse.ArgumentParser) -> None:
 def serve(parser: argparse.ArgumentParser) -> None:
     """Serve the picture to browsers and programs: map, API and live stream. With a scenario, run it as time passes and serve
     each picture: a simulation begins now. Without one, follow the run that another process writes to the database. The file of
-    a server has these options in its tables [server], [[feeds]] and [[regions]]. Ctrl-C stops it after a whole cycle.
+    a server has these options in its tables [server], [[feeds]] and [[regions]]; variables such as COASTWATCH_PORT and
+    COASTWATCH_FEED, several values with blanks between, go before the file. Ctrl-C stops it after a whole cycle.
     """
     from coastwatch.server.deployment import FROM_FILE_ALONE, Deployment, Option, flag  # other commands do not wait for it
 

@@ -8,11 +8,11 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import uvicorn
 from fastapi import FastAPI
@@ -36,14 +36,16 @@ from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.outgoing import OutAddress, OutFeed, parsed_out
 from coastwatch.server.feeds.sending import of_file, of_scenario, send
 from coastwatch.server.follow import POLL_S, Follower
-from coastwatch.server.link import notice_loss
-from coastwatch.server.live import Input, LiveRun, Paced
+from coastwatch.server.input import Input, Paced
+from coastwatch.server.link import FeedState, notice_loss
+from coastwatch.server.live import LiveRun
 from coastwatch.server.regions.client import RegionAddress, check_files, parsed_region
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.regions.scenario import of_centre, with_track_sources
 from coastwatch.server.troubles import Trouble
 from coastwatch.store import QueryLimit, Store, open_store
 
+T = TypeVar("T")
 QUERY = QueryLimit(5.0, time.monotonic)
 """Of each question of the API to the database."""
 
@@ -75,8 +77,8 @@ class Followed:
     def error(self) -> str | None:
         return self._follower.error
 
-    def feeds(self) -> list[dict[str, Any]]:
-        return []
+    def feeds(self) -> Sequence[FeedState]:
+        return ()
 
     def cycle_s(self) -> float | None:
         return None
@@ -93,7 +95,7 @@ class Followed:
     def about(self) -> None:
         return None
 
-    def later(self, job: Callable[[], Any]) -> Future[Any]:
+    def later(self, job: Callable[[], T]) -> Future[T]:
         made = self._changes.submit(job)
         made.add_done_callback(lambda _: self._follower.look_soon())
         return made

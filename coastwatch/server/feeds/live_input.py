@@ -11,10 +11,10 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors, TrackReports
 from coastwatch.errors import AddressError
@@ -26,6 +26,8 @@ from coastwatch.scenario import Scenario
 from coastwatch.server.clock import CLOCK, ClockSet, now_s
 from coastwatch.server.feeds.address import Address
 from coastwatch.server.feeds.transport import Inbox, Receiver
+from coastwatch.server.input import Positions
+from coastwatch.server.link import FeedState
 from coastwatch.server.regions.client import RegionAddress
 from coastwatch.server.regions.intake import RegionIntake, resumed
 from coastwatch.stage import Plan
@@ -111,7 +113,7 @@ class _Feed:
                 out.append(f"{said}: they came after their cycle, or are from before the run began")
         return out
 
-    def counters(self) -> dict[str, Any]:
+    def counters(self) -> FeedState:
         """Its state for operators."""
         inbox, decoder = self.inbox, self.decoder
         newest_s = decoder.stamps.newest_s
@@ -199,9 +201,9 @@ class LiveInput:
         sensors: Sensors,
         seed: int,
         stop: threading.Event,
-        positions: Mapping[str, tuple[str, int]],
+        positions: Positions,
     ) -> tuple[Recording, Plan]:
-        """As `live.Input.begin`. With the clock of the feeds the run begins with the first report, unless the scenario says when."""
+        """As of `Input`. With the clock of the feeds the run begins with the first report, unless the scenario says when."""
         start_s = float(math.floor(now_s()))
         if scenario.start_utc is not None and self._clock == "feeds":
             start_s = scenario.start_utc.timestamp()
@@ -236,11 +238,11 @@ class LiveInput:
             stop.wait(LOOK_S)
 
     def due_s(self, until_s: float) -> float:
-        """As `live.Input.due_s`."""
+        """As `Input.due_s`."""
         return until_s + self._lateness_s if self._clock == "wall" else now_s()
 
     def wait(self, until_s: float, stop: threading.Event) -> bool:
-        """As `live.Input.wait`."""
+        """As `Input.wait`."""
         for feed in self._feeds:
             feed.look()
         while not stop.is_set():
@@ -275,7 +277,7 @@ class LiveInput:
         return replace(reports, tracks=TrackReports.join([reports.tracks, *of_regions]))
 
     def intake(self) -> list[Intake]:
-        """As `live.Input.intake`."""
+        """As `Input.intake`."""
         return [one for region in self._regions for one in region.intake()]
 
     def head(self) -> Reports:
@@ -299,8 +301,8 @@ class LiveInput:
         """As `ReportStream.rest`: a live input has no end."""
         return 0
 
-    def feeds(self) -> list[dict[str, Any]]:
-        """As `live.Input.feeds`."""
+    def feeds(self) -> Sequence[FeedState]:
+        """As `Input.feeds`."""
         return [*(feed.counters() for feed in self._feeds), *(region.counters() for region in self._regions)]
 
     def _decode(self, until_s: float, stop_s: float) -> None:

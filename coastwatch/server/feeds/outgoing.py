@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
@@ -22,7 +22,7 @@ import numpy as np
 from coastwatch.errors import AddressError
 from coastwatch.formats.format import OutSettings, Vessels
 from coastwatch.formats.registry import FORMATS, PICTURES
-from coastwatch.server.link import Backoff, Link, Reconnecting
+from coastwatch.server.link import Backoff, FeedState, Link, Reconnecting
 from coastwatch.server.live_picture import LivePicture
 
 TRANSPORTS = ("udp", "tcp")
@@ -102,7 +102,7 @@ class OutFeed(Link):
         self._before_s = picture.time_s
         self._wake.set()
 
-    def counters(self) -> dict[str, Any]:
+    def counters(self) -> FeedState:
         """Its state for operators, as of a feed that is received."""
         return self.as_feed(f"out {self.address.text}", records=self.sent, dropped=self.skipped)
 

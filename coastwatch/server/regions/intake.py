@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 from coastwatch.batches import Fault, TrackReports, limits
 from coastwatch.formats.decoding import FAR_AHEAD_S
 from coastwatch.server.clock import now_s
+from coastwatch.server.link import FeedState
 from coastwatch.server.regions.client import Connection, RegionAddress
 from coastwatch.server.regions.link import NOTHING, Incoming, Position
 from coastwatch.server.regions.message import RegionCycle
@@ -94,7 +94,7 @@ class RegionIntake:
         counted += [(limits.BEYOND + kind, count) for kind, count in self._beyond.items()]
         return [Fault(kind, count, f"region {self.name}", self.connection.error or "") for kind, count in counted if count]
 
-    def counters(self) -> dict[str, Any]:
+    def counters(self) -> FeedState:
         """Its state for operators, as of a feed."""
         link = self.connection
         return link.as_feed(

@@ -12,7 +12,7 @@ import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Self
 
 import nats
 from nats.aio.client import Client
@@ -24,7 +24,7 @@ from nats.js.api import AckPolicy, ConsumerConfig, DeliverPolicy, StreamConfig
 from nats.js.errors import NotFoundError
 
 from coastwatch.errors import StoreError
-from coastwatch.server.link import Link, Reconnecting, reason_of
+from coastwatch.server.link import FeedState, Link, Reconnecting, reason_of
 from coastwatch.server.regions.client import (
     CLOSE_S,
     CONNECT_S,
@@ -217,7 +217,7 @@ class Journal(Link):
         if self._thread is not None:
             self._thread.join(CLOSE_S)
 
-    def counters(self) -> dict[str, Any]:
+    def counters(self) -> FeedState:
         """Its state for operators, as of a feed."""
         return self.as_feed(
             f"out tracks+{self.address.url}/{self.address.stream}", records=self.published, dropped=self.missing
