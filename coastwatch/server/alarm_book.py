@@ -69,6 +69,19 @@ class Alarm(NamedTuple):
         """Smaller for what comes first: by priority, then the newest."""
         return PRIORITIES[self.kind], -self.start_s
 
+    def changes(self, before: Alarm | None) -> list[What]:
+        """What has happened to it between two looks at the database. Args: before: as it was at the first; None: not there."""
+        out: list[What] = []
+        if before is None:
+            out.append("opened")
+        elif self.gaps != before.gaps and (not before.lasts or self.lasts):
+            out.append("returned")
+        if not self.lasts and (before is None or before.lasts or self.end_s != before.end_s):
+            out.append("closed")
+        if self.is_acknowledged and (before is None or not before.is_acknowledged):
+            out.append("acknowledged")
+        return out
+
 
 class Change(NamedTuple):
     """A change of an alarm."""
@@ -158,7 +171,7 @@ class AlarmBook:
             for row in rows.rows:
                 alarm = Alarm(*row)
                 before = self._alarms.get(alarm.alarm_id)
-                made += [(what, alarm) for what in _differences(before, alarm)]
+                made += [(what, alarm) for what in alarm.changes(before)]
             self._note(made)
         self._tell(bool(made))
 
@@ -227,12 +240,7 @@ class AlarmBook:
             self._number += 1
             self._alarms[alarm.alarm_id] = alarm
             self._changes.append(Change(self._number, what, alarm))
-        if len(self._alarms) > MOST_ENDED:
-            self._forget()
-
-    def _forget(self) -> None:
-        """Forget ended alarms where there are too many of them."""
-        ended = [alarm for alarm in self._alarms.values() if not alarm.lasts]
+        ended = [alarm for alarm in self._alarms.values() if not alarm.lasts] if len(self._alarms) > MOST_ENDED else []
         if len(ended) <= MOST_ENDED:
             return
         ended.sort(key=lambda alarm: (alarm.is_acknowledged, *alarm.urgency))
@@ -274,23 +282,24 @@ def _begun(begun: BegunEvents) -> Iterable[Alarm]:
     columns = begun.vessel_id, begun.kind, begun.subject, begun.start_s, begun.mmsi, begun.position_deg, begun.speed_kn
     values = (column[rows].tolist() for column in (*columns, begun.evidence))
     for vessel_id, kind, subject, start_s, mmsi, (latitude, longitude), speed_kn, evidence in zip(*values, strict=True):
-        then = mmsi if mmsi >= 0 else None, None, latitude, longitude, None if np.isnan(speed_kn) else speed_kn, evidence
-        yield Alarm(vessel_id, EVENT_KINDS[kind], subject, start_s, None, 0, *then, None, None, None)
+        yield Alarm(
+            vessel_id,
+            EVENT_KINDS[kind],
+            subject,
+            start_s,
+            end_s=None,
+            gaps=0,
+            mmsi=mmsi if mmsi >= 0 else None,
+            name=None,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            sog_kn=None if np.isnan(speed_kn) else speed_kn,
+            evidence=evidence,
+            acknowledged_by=None,
+            acknowledged_s=None,
+            note=None,
+        )
 
 
 def _acknowledged(alarm: Alarm, by: Acknowledgement) -> Alarm:
     return alarm._replace(acknowledged_by=by.name, acknowledged_s=by.at_s, note=by.note)
-
-
-def _differences(before: Alarm | None, now: Alarm) -> list[What]:
-    """What has happened to an alarm between two looks at the database."""
-    out: list[What] = []
-    if before is None:
-        out.append("opened")
-    elif now.gaps != before.gaps and (not before.lasts or now.lasts):
-        out.append("returned")
-    if not now.lasts and (before is None or before.lasts or now.end_s != before.end_s):
-        out.append("closed")
-    if now.is_acknowledged and (before is None or not before.is_acknowledged):
-        out.append("acknowledged")
-    return out

@@ -65,7 +65,7 @@ class Pace:
             self._cycles = max(math.ceil(of_clock), math.ceil(of_disk), 1)
 
 
-def save(value: Any) -> bytes:
+def save(value: object) -> bytes:
     """Bytes from which `load` makes an equal value.
 
     Args: value: plain data (`coastwatch.batches.plain_data`) of what `Point` declares. An array keeps its dtype, shape and
@@ -98,3 +98,14 @@ def load(saved: bytes) -> Any:
         raise CheckpointError(str(error)) from error
     except Exception as error:  # any error of zipfile, numpy or json on damaged bytes
         raise CheckpointError(f"it is damaged: {type(error).__name__}: {error}") from error
+
+
+def load_point(saved: bytes, run_id: int) -> Point:
+    """The point of a run that a checkpoint holds. Raises: CheckpointError that names the run: it cannot be read."""
+    try:
+        point = load(saved)
+        if not isinstance(point, Point):
+            raise CheckpointError(f"it holds a {type(point).__name__}")
+    except CheckpointError as error:
+        raise CheckpointError(f"run {run_id}: its checkpoint cannot be read: {error}; --restart begins again") from error
+    return point

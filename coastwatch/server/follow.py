@@ -60,12 +60,7 @@ class Follower:
         found = store.newest_picture(self._store, self._run_id)
         if found is None:
             return
-        self._look_at_alarms(found[0])  # first: they wait for no picture, and a large one takes seconds
-        if found[:2] != self._seen:
-            self._on_picture(of_store(self._store, *found))
-            self._seen = found[:2]
-
-    def _look_at_alarms(self, run_id: int) -> None:
+        run_id = found[0]  # alarms come first: they wait for no picture, and a large one takes seconds
         before = self._cursor if self.alarms.run_id == run_id else None
         rows, now = store.changed_alarms(self._store, run_id, before, MOST_ENDED)
         if before is not None and (now.process != before.process or now.cycle < before.cycle):
@@ -76,3 +71,6 @@ class Follower:
         else:
             self.alarms.compare(rows)
         self._cursor = now
+        if found[:2] != self._seen:
+            self._on_picture(of_store(self._store, *found))
+            self._seen = found[:2]

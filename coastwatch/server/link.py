@@ -24,9 +24,6 @@ LOST_S = 30
 KEEPALIVE = {"TCP_KEEPIDLE": 15, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 1000 * LOST_S}
 """Seconds of silence, seconds between probes, and probes; milliseconds for which sent bytes may wait for an acknowledgement."""
 
-Reason = Callable[[Exception], str | None]
-"""What an operator reads about an error of a connection; None: the error is a defect of the program."""
-
 
 class FeedCounts(TypedDict, total=False):
     """What some kinds of feed count."""
@@ -117,13 +114,20 @@ class Reconnecting:
 
     link: Link
     name: str  # in the log
-    reason: Reason
     waits: Backoff
+    reason: Callable[[Exception], str | None] = lambda error: reason_of(error) if isinstance(error, OSError) else None
+    """What an operator reads about an error; None: the error is a defect of the program."""
     progress: Callable[[Link], int] = attrgetter("connections")  # a session that makes it greater has got somewhere
     _failures: int = 0  # in a row
 
+    def start(self, session: Callable[[], object], ended: threading.Event) -> threading.Thread:
+        """A thread that runs sessions until the event is set, which also ends a wait."""
+        thread = threading.Thread(target=self.run, args=(session, ended), name=self.name, daemon=True)
+        thread.start()
+        return thread
+
     def run(self, session: Callable[[], object], ended: threading.Event) -> None:
-        """Run sessions in this thread until the event is set, which also ends a wait."""
+        """Run sessions in this thread until the event is set."""
         while not ended.is_set():
             with self._attempt():
                 session()

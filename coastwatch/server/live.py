@@ -242,7 +242,17 @@ class LiveRun:
             with store.open_store(self._database, create=False) as opened:
                 self._statics = stored_statics(opened, run_id, MOST_STATICS)
                 known = known_of(store.alarms_before(opened, run_id, events.time_s, MOST_ENDED), events)
-        self._note_left(run_id)
+        before, left = self.alarms.run_id, len(self.alarms.alarms(Chosen(unacknowledged=True)))
+        if before not in (-1, run_id) and left:
+            where = f"coastwatch query alarms --run {before}"
+            try:
+                with store.open_store(self._database, create=False) as opened:
+                    store.run(opened, before)
+            except StoreError as error:  # somebody has deleted it
+                where = str(error)
+            said = f"run {before} had {left} alarms that nobody acknowledged: {where}"
+            LOG.warning(said)
+            self._left.append(Trouble("alarms", str(before), clock.now_s(), said, False))
         self.alarms.begin(run_id, known)
 
     def behind(self, until_s: float) -> int:
@@ -318,21 +328,6 @@ class LiveRun:
     def left_alarms(self) -> list[Trouble]:
         """Earlier runs of this process whose alarms are not shown any more, though nobody acknowledged them."""
         return list(self._left)
-
-    def _note_left(self, run_id: int) -> None:
-        """Note the alarms of the run so far that nobody acknowledged. Args: run_id: of the run that takes its place."""
-        before, left = self.alarms.run_id, len(self.alarms.alarms(Chosen(unacknowledged=True)))
-        if before in (-1, run_id) or not left:
-            return
-        where = f"coastwatch query alarms --run {before}"
-        try:
-            with store.open_store(self._database, create=False) as opened:
-                store.run(opened, before)
-        except StoreError as error:  # somebody has deleted it
-            where = str(error)
-        said = f"run {before} had {left} alarms that nobody acknowledged: {where}"
-        LOG.warning(said)
-        self._left.append(Trouble("alarms", str(before), clock.now_s(), said, False))
 
     def _run(self) -> None:
         try:

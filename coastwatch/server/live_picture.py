@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import or_
 from typing import Any
 
 import lazy_loader
@@ -137,14 +138,15 @@ def of_store(opened: Store, run_id: int, cycle: int, time_s: float, at_s: float 
     """The picture of a run in a database: now, or at an instant. Raises: StoreError."""
     found = store.picture(opened, run_id, at_s)
     of_source = {name: KIND_OF_SOURCE[SourceKind[kind.upper()]] for _, name, kind in store.sources(opened, run_id).rows}
-    texts, codes = _numbered(found.array("sources").tolist())
-    bits = [_bits(text.split(","), of_source) for text in texts]
+    number: dict[str, int] = {}  # of each different text
+    codes = np.array([number.setdefault(text or "", len(number)) for text in found.array("sources").tolist()], np.int64)
+    bits = [reduce(or_, (of_source.get(name, 0) for name in text.split(","))) for text in number]
     statics = zip(*(found.array(name).tolist() for name in STATIC), strict=True)
     of_mmsi = dict(zip(found.array("mmsi").tolist(), statics, strict=True))
     of_mmsi.pop(-1, None)
     own = Table(OWN, tuple(found.array(name) for name in OWN))
     kind = np.array(bits, np.uint8)[codes] if len(codes) else np.zeros(0, np.uint8)
-    return LivePicture(run_id, cycle, time_s, own, kind, codes, texts, of_mmsi)
+    return LivePicture(run_id, cycle, time_s, own, kind, codes, list(number), of_mmsi)
 
 
 def stored_statics(opened: Store, run_id: int, most: int) -> Statics:
@@ -170,17 +172,3 @@ def without_absent(known: Statics, mmsi: Ints) -> Statics:
     """The names of those vessels that are in a picture. Args: mmsi: (V,) of its vessels."""
     here = set(mmsi.tolist())
     return {number: values for number, values in known.items() if number in here}
-
-
-def _numbered(texts: Iterable[str | None]) -> tuple[list[str], Ints]:
-    """Each different text once, and the number of each."""
-    number: dict[str, int] = {}
-    codes = [number.setdefault(text or "", len(number)) for text in texts]
-    return list(number), np.array(codes, np.int64)
-
-
-def _bits(names: Iterable[str], of_source: dict[str, int]) -> int:
-    out = 0
-    for name in names:
-        out |= of_source.get(name, 0)
-    return out

@@ -9,33 +9,26 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Self, TypeVar
 
-import numpy as np
-
 from coastwatch.batches import AisStatics, EventChanges
 from coastwatch.batches.struct import size_bytes
 from coastwatch.errors import StoreError
 from coastwatch.server.link import Backoff
+from coastwatch.server.skipped_cycles import bounded, rows
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.writer import STAGE
-from coastwatch.store import CycleRecord, ForCentres, Intake, NoSuchRunError, SkippedCycle, Written
+from coastwatch.store import CycleRecord, ForCentres, NoSuchRunError, SkippedCycle, Written
 
 T = TypeVar("T")
 LOG = logging.getLogger("coastwatch.serve")
 
 MOST_WAITING, MOST_BYTES = 40, 256 << 20
 """Cycles that wait for the database, and their bytes: of more, only the newest keeps its picture."""
-
-MOST_EVENTS, MOST_MESSAGES = 200_000, 200
-"""Of skipped cycles: events, and messages for other centres, that wait. The oldest go first."""
-
-MOST_NAMED, MOST_COUNTED = 200_000, 20_000
-"""Of skipped cycles: messages with names that wait, and cycles with counts of their own. The oldest go first, or are counted together."""
 
 MOST_LATER, MOST_ATTEMPTS = 10_000, 5
 """Changes by operators that wait for the database, and how often one is tried that is refused while cycles are written."""
@@ -88,14 +81,6 @@ class _Later:
     written: int = -2  # the newest cycle that was written at the last attempt; -2: there was none
 
 
-@dataclass(frozen=True)
-class _Counted(SkippedCycle):
-    """Skipped cycles up to a number that are counted together. Nothing but their rows is left of them."""
-
-    first: int = 0  # number and instant of the first one
-    first_s: float = 0.0
-
-
 class LiveWriter:
     """Writes records in order, in a thread. Use it in a `with` block, which ends when all is written or cannot be."""
 
@@ -135,7 +120,7 @@ class LiveWriter:
         self._thread.start()
         return self
 
-    def __exit__(self, kind: Any, *unused: object) -> None:
+    def __exit__(self, kind: object, *unused: object) -> None:
         """Raises: StoreError: not all could be written."""
         with self._changed:
             self._close_by_s = time.monotonic() + CLOSE_S
@@ -156,11 +141,15 @@ class LiveWriter:
         """As of `writer.CycleWriter`: there is always room, but a run that catches up waits for a database that takes its cycles."""
         if self._catches_up():
             with self._changed:
-                self._changed.wait_for(lambda: len(self._waiting) <= ROOM or not self._takes_cycles(), ROOM_S)
+                self._changed.wait_for(
+                    lambda: (
+                        len(self._waiting) <= ROOM
+                        or self.state.error is not None
+                        or time.monotonic() - self._writing_since_s >= ROOM_S
+                    ),
+                    ROOM_S,
+                )
         return self.state.warning
-
-    def _takes_cycles(self) -> bool:
-        return self.state.error is None and time.monotonic() - self._writing_since_s < ROOM_S
 
     def put(self, record: CycleRecord) -> None:
         """Have a record written. Raises: NoSuchRunError: somebody has deleted the run."""
@@ -219,7 +208,9 @@ class LiveWriter:
             return
         first, *others, newest = self._waiting
         gone = [part for one in others for part in (*one.record.merged, one.record.skipped())]
-        merged = (*_bounded(gone, self.state), *newest.record.merged)
+        kept, forgotten = bounded(gone)
+        self.state.forgotten += forgotten
+        merged = (*kept, *newest.record.merged)
         self._waiting = deque([first, replace(newest, record=replace(newest.record, merged=merged))])
         self.state.not_stored += len(others)
 
@@ -280,7 +271,7 @@ class LiveWriter:
         """Raises: StoreError."""
         record = self._waiting[0].record
         began_s, self._writing_since_s = time.perf_counter(), time.monotonic()
-        written = self._write(replace(record, merged=_rows((*self._carried, *record.merged))))
+        written = self._write(replace(record, merged=rows((*self._carried, *record.merged))))
         self._watch.late(STAGE, time.perf_counter() - began_s)
         with self._changed:
             self._waiting.popleft()
@@ -373,76 +364,6 @@ class LiveWriter:
             self._announce(record)
 
 
-def _finish(one: _Later, made: Any) -> None:
+def _finish(one: _Later, made: object) -> None:
     if not one.done.done():
         one.done.set_result(made)
-
-
-def _bounded(skipped: list[SkippedCycle], state: WriterState) -> list[SkippedCycle]:
-    """Skipped cycles without what has no room: the oldest events, messages for other centres, names and counts.
-
-    Names are those of the newest cycle, one a vessel.
-    """
-    events, out = 0, list[SkippedCycle]()
-    for age, one in enumerate(reversed(skipped)):
-        kept = replace(one, statics=AisStatics.empty())
-        events += len(one.events)
-        if events > MOST_EVENTS and len(one.events):
-            state.forgotten += len(one.events)
-            kept = replace(kept, events=EventChanges.empty())
-        if age >= MOST_MESSAGES and one.for_centres.message is not None:
-            kept = replace(kept, for_centres=ForCentres(None, one.for_centres.intake))
-        if age >= MOST_COUNTED and out and _is_bare(kept) and _is_bare(out[-1]):
-            out[-1] = _together(kept, out[-1])
-        else:
-            out.append(kept)
-    if out:
-        out[0] = replace(out[0], statics=_newest_names([one.statics for one in skipped], state))
-    return out[::-1]
-
-
-def _newest_names(parts: list[AisStatics], state: WriterState) -> AisStatics:
-    """The newest message of each vessel and of each pattern of fields that it gives, at most MOST_NAMED of them.
-
-    A message that leaves fields out erases nothing: messages with other fields stay beside it.
-    """
-    every = AisStatics.join(parts)
-    numbers, texts = (every.ship_type >= 0, ~np.isnan(every.length_m), ~np.isnan(every.beam_m)), (every.name, every.call_sign)
-    given = np.array([*numbers, *(text != "" for text in texts)])
-    fields = (given.T * (1 << np.arange(len(given)))).sum(axis=1)
-    backwards = np.lexsort((-np.arange(len(every)), fields, every.mmsi))
-    first = np.append(True, (np.diff(every.mmsi[backwards]) != 0) | (np.diff(fields[backwards]) != 0))[: len(every)]
-    newest = np.sort(backwards[first])
-    state.forgotten += max(len(newest) - MOST_NAMED, 0)
-    return every.take(newest[-MOST_NAMED:])
-
-
-def _is_bare(one: SkippedCycle) -> bool:
-    """Whether a skipped cycle has nothing that is of it alone."""
-    return not len(one.events) and one.for_centres.message is None
-
-
-def _together(older: SkippedCycle, newer: SkippedCycle) -> _Counted:
-    """Two cycles, or rows of cycles, that follow each other, counted together."""
-    counts = {name: older.counts.get(name, 0) + count for name, count in newer.counts.items()}
-    first, first_s = (older.first, older.first_s) if isinstance(older, _Counted) else (older.number, older.time_s)
-    used: dict[tuple[str, str], Intake] = {}
-    for one in (*older.for_centres.intake, *newer.for_centres.intake):
-        before = used.pop((one.region, one.region_run), one._replace(late=0))
-        used[one.region, one.region_run] = one._replace(first_seq=before.first_seq, late=before.late + one.late)
-    kept = {"heard": older.heard | newer.heard, "for_centres": ForCentres(None, tuple(used.values()))}
-    why = newer.why if newer.why == older.why else "not_stored"
-    return _Counted(newer.number, newer.time_s, why, counts, **kept, first=first, first_s=first_s)  # type: ignore[arg-type]
-
-
-def _rows(skipped: Sequence[SkippedCycle]) -> tuple[SkippedCycle, ...]:
-    """Skipped cycles as they are written. Of those that are counted together the last one has the counts."""
-    return tuple(row for one in skipped for row in (_apart(one) if isinstance(one, _Counted) else (one,)))
-
-
-def _apart(of: _Counted) -> Sequence[SkippedCycle]:
-    times_s = np.linspace(of.first_s, of.time_s, of.number - of.first + 1)[:-1].tolist()
-    none = dict.fromkeys(of.counts, 0)
-    empty = EventChanges.empty(), AisStatics.empty(), dict[tuple[str, int], float](), ForCentres()
-    before = [SkippedCycle(of.first + k, time_s, of.why, none, *empty) for k, time_s in enumerate(times_s)]
-    return *before, SkippedCycle(of.number, of.time_s, of.why, of.counts, of.events, of.statics, of.heard, of.for_centres)

@@ -27,7 +27,9 @@ def over_processes(work: Callable[[One], Made], pieces: Sequence[One], count: in
                 yield piece, work(piece)
             return
         # forked from a clean server: a fork after OpenMP has run here is unsafe
-        pool = ProcessPoolExecutor(min(count, len(pieces)), get_context("forkserver"), _ignore_interrupt)
+        # Ctrl-C reaches every process of a terminal; only the parent process must react
+        ignored = (signal.SIGINT, signal.SIG_IGN)
+        pool = ProcessPoolExecutor(min(count, len(pieces)), get_context("forkserver"), signal.signal, ignored)
         waiting = iter(pieces)
         running = {pool.submit(work, piece): piece for piece in itertools.islice(waiting, count)}
         try:
@@ -40,11 +42,6 @@ def over_processes(work: Callable[[One], Made], pieces: Sequence[One], count: in
                         running[pool.submit(work, following)] = following
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _ignore_interrupt() -> None:
-    """Ctrl-C reaches every process of a terminal; only the parent process must react."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from coastwatch.formats.intake.accounts import losses
 from coastwatch.scenario import Scenario
 from coastwatch.scores import add, result, start
 from coastwatch.server import checkpoint
-from coastwatch.server.checkpoint import CheckpointError, Pace, Point
+from coastwatch.server.checkpoint import Pace, Point
 from coastwatch.server.input import AtOnce, Input
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.warm_up import warm_up
@@ -243,7 +243,7 @@ class _Run:
                 before = None
         self.plan, self.most = plan, (0, plan.start_s)
         if before is not None:
-            self.run_id, point = before[0], _loaded_point(before[2], before[0])
+            self.run_id, point = before[0], checkpoint.load_point(before[2], before[0])
             store.resume_run(self.store, self.run_id)
         else:
             self.run_id = store.begin_run(
@@ -363,17 +363,6 @@ class _Run:
         self.writer.put(record)
         watch.lap()
         return after, cycle, warning, stopped
-
-
-def _loaded_point(saved: bytes, run_id: int) -> Point:
-    """The point that a checkpoint holds. Raises: CheckpointError: it cannot be read."""
-    try:
-        point = checkpoint.load(saved)
-        if not isinstance(point, Point):
-            raise CheckpointError(f"it holds a {type(point).__name__}")
-    except CheckpointError as error:
-        raise CheckpointError(f"run {run_id}: its checkpoint cannot be read: {error}; --restart begins again") from error
-    return point
 
 
 @contextmanager

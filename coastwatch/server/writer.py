@@ -34,7 +34,7 @@ class CycleWriter(Protocol):
         """Have a cycle stored."""
         ...
 
-    def later(self, job: Callable[[], Any]) -> Any:
+    def later(self, job: Callable[[], object]) -> object:
         """Have a job run once all cycles until now are stored."""
         ...
 

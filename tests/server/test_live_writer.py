@@ -20,7 +20,7 @@ from coastwatch.errors import StoreError
 from coastwatch.operators.api import service as api_service
 from coastwatch.operators.api.service import Service
 from coastwatch.scenario import StoreSettings, load_scenario
-from coastwatch.server import live_writer
+from coastwatch.server import live_writer, skipped_cycles
 from coastwatch.server.alarm_book import AlarmBook
 from coastwatch.server.input import Paced
 from coastwatch.server.link import Backoff
@@ -416,8 +416,9 @@ def test_changes_that_wait_when_a_run_ends_for_good_are_tried_once_more(database
 def test_what_waits_of_skipped_cycles_is_bounded_and_no_cycle_is_without_its_row(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name, value in (("MOST_WAITING", 5), ("MOST_COUNTED", 4), ("MOST_NAMED", 10)):
-        monkeypatch.setattr(live_writer, name, value)
+    monkeypatch.setattr(live_writer, "MOST_WAITING", 5)
+    for name, value in (("MOST_COUNTED", 4), ("MOST_NAMED", 10)):
+        monkeypatch.setattr(skipped_cycles, name, value)
     memory: dict[int, object] = {}
     with writer_of(database) as writer:
         writer.put(record(0, memory))
@@ -450,5 +451,5 @@ def test_of_names_the_newest_of_each_field_are_kept() -> None:
 
     parts = [heard(1.0, 7, "OLD", 9.0), heard(2.0, 7, "NEW", 10.0), heard(3.0, 8, "B", np.nan), heard(4.0, 7, "", 11.0)]
     skipped = [store.SkippedCycle(k, float(k), "not_stored", {}, statics=part) for k, part in enumerate(parts)]
-    kept = AisStatics.join([one.statics for one in live_writer._bounded(skipped, live_writer.WriterState())])
+    kept = AisStatics.join([one.statics for one in skipped_cycles.bounded(skipped)[0]])
     assert kept.received_s.tolist() == [2.0, 3.0, 4.0]

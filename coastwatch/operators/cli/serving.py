@@ -25,10 +25,10 @@ from coastwatch.operators.api.bounds import LARGEST_HEAD, LARGEST_MESSAGE
 from coastwatch.operators.api.guard import LOOPBACK, Guard
 from coastwatch.operators.api.patience import Frames, SlowRequestGuard
 from coastwatch.operators.api.proxy import trusted
-from coastwatch.operators.api.service import Counted, Service
+from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.tokens import Tokens, add
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
-from coastwatch.scenario import Scenario, load_scenario
+from coastwatch.scenario import load_scenario
 from coastwatch.server.alarm_book import AlarmBook
 from coastwatch.server.deployment import Deployment, deployment, with_zones
 from coastwatch.server.feeds.address import parsed
@@ -118,9 +118,9 @@ def serve_deployment(options: Deployment) -> int:
     """Serve until Ctrl-C or SIGTERM."""
     guard = _guard(options)
     _check_role(options)
-    outs = [parsed_out(text) for text in options.out if not text.startswith(TRACKS)]
+    _outs(options)  # wrong addresses are refused before anything starts
     _journal_addresses(options)
-    _webhooks(options)  # wrong ones are refused before anything starts
+    _webhooks(options)
     logs.begin(options.log_format)
     with (
         _signals_end_the_server(),
@@ -133,13 +133,13 @@ def serve_deployment(options: Deployment) -> int:
                 Followed(opened, options.run, asked=asked) as followed,
                 logs.Watch(followed.service),
             ):
-                _listen_and_send(followed.service, guard, options, outs, listener)
+                listen(followed.service, guard, options, listener)
         else:
-            _serve_run(options, options.scenario, guard, outs, listener)
+            _serve_run(options, options.scenario, guard, listener)
     return 0
 
 
-def _serve_run(options: Deployment, name: str, guard: Guard, outs: list[OutAddress], listener: socket.socket) -> None:
+def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.socket) -> None:
     """Run a scenario, on live feeds or on its own input, and serve its pictures."""
     regions = [parsed_region(text) for text in options.region]
     for region in regions:
@@ -149,8 +149,7 @@ def _serve_run(options: Deployment, name: str, guard: Guard, outs: list[OutAddre
         raise InputError("--run: got it with a scenario, needed one of them: a run of a scenario has a number of its own")
     if live and options.speed != 1.0:
         raise InputError("--speed: got it with --feed, needed one of them: feeds have their own speed")
-    scenario = load_scenario(name, options.settings)
-    scenario = with_zones(scenario, options.zones)
+    scenario = with_zones(load_scenario(name, options.settings), options.zones)
     feeds = [parsed(text) for text in options.feed]
     scenario = with_track_sources(scenario, [address.source for address in feeds if address.format == "ttm"])
     if options.role == "centre":
@@ -161,40 +160,38 @@ def _serve_run(options: Deployment, name: str, guard: Guard, outs: list[OutAddre
         service = Service(opened, publisher=Publisher(opened) if options.role == "region" else None)
         source: Input = Paced(options.speed)
         if live:
-            made = LiveInput(feeds, scenario.sensors(), regions=regions, clock=options.clock, lateness_s=options.lateness)
-            source = received = stack.enter_context(made)
-            for text in received.dateless:
+            source = LiveInput(feeds, scenario.sensors(), regions=regions, clock=options.clock, lateness_s=options.lateness)
+            stack.enter_context(source)
+            for text in source.dateless:
                 logs.LOG.warning(
                     f"{text}: its times of day are of today's date, as no feed has one; ?date=YYYY-MM-DD says another"
                 )
-        resume = live and not options.new
         run = LiveRun(
             scenario,
             source,
             service.receive,
             database=options.db,
             workers=options.workers,
-            resume=resume,
+            resume=live and not options.new,
             publisher=service.publisher,
         )
         service.source, run.on_failed = run, lambda: service.end()
         service.asked.append(run.left_alarms)
-        if service.publisher is not None:
-            service.journals = _journals(options, scenario, service.publisher, stack)
+        if service.publisher is not None and (addresses := _journal_addresses(options)):
+            from coastwatch.server.regions.jetstream import Journal  # of the extra `nats`
+
+            keep_s = 60.0 * scenario.store.journal_minutes
+            journals = (Journal(address, service.publisher, keep_s) for address in addresses)
+            service.journals = [stack.enter_context(journal) for journal in journals]
         with run, logs.Watch(service):
-            _listen_and_send(service, guard, options, outs, listener)
+            listen(service, guard, options, listener)
         if run.failed:
             raise RunFailedError(run.error())
 
 
-def _listen_and_send(
-    service: Service, guard: Guard, options: Deployment, outs: list[OutAddress], listener: socket.socket
-) -> None:
-    """As `listen`, and send each picture to these addresses."""
-    with ExitStack() as stack:
-        service.webhooks = _webhooks(options)
-        service.outs = [stack.enter_context(OutFeed(address)) for address in outs]
-        listen(service, guard, options, listener)
+def _outs(options: Deployment) -> list[OutAddress]:
+    """Where the picture is sent. Raises: AddressError."""
+    return [parsed_out(text) for text in options.out if not text.startswith(TRACKS)]
 
 
 def _journal_addresses(options: Deployment) -> list[RegionAddress]:
@@ -205,17 +202,6 @@ def _journal_addresses(options: Deployment) -> list[RegionAddress]:
     if found and options.role != "region":
         raise InputError(f"--out tracks+...: got it with --role {options.role}, needed --role region: it has tracks to publish")
     return found
-
-
-def _journals(options: Deployment, scenario: Scenario, publisher: Publisher, stack: ExitStack) -> list[Counted]:
-    """The streams to which a region publishes its tracks, begun."""
-    addresses = _journal_addresses(options)
-    if not addresses:
-        return []
-    from coastwatch.server.regions.jetstream import Journal  # of the extra `nats`
-
-    keep_s = 60.0 * scenario.store.journal_minutes
-    return [stack.enter_context(Journal(address, publisher, keep_s)) for address in addresses]
 
 
 def _webhooks(options: Deployment) -> list[WebHook]:
@@ -297,20 +283,21 @@ def add_token(options: argparse.Namespace) -> int:
 
 
 def listen(service: Service, guard: Guard, options: Deployment, listener: socket.socket) -> None:
-    """Answer requests until Ctrl-C or SIGTERM. Args: listener: as of `bound`."""
-    tls = {"ssl_certfile": options.tls_cert, "ssl_keyfile": options.tls_key}
-    found = listener.getsockname()
-    shown = f"[{found[0]}]" if ":" in found[0] else found[0]
-    scheme = "https" if options.tls_cert else "http"
-    logs.say(f"coastwatch: {scheme}://{shown}:{found[1]}", address=f"{scheme}://{shown}:{found[1]}")
-    server = server_of(application(service, guard), **tls)
+    """Answer requests until Ctrl-C or SIGTERM, and send pictures and alarms where the options say. Args: listener: as of `bound`."""
+    host, port = listener.getsockname()[:2]
+    address = f"{'https' if options.tls_cert else 'http'}://{f'[{host}]' if ':' in host else host}:{port}"
+    service.webhooks = _webhooks(options)
+    with ExitStack() as stack:
+        service.outs = [stack.enter_context(OutFeed(out)) for out in _outs(options)]
+        logs.say(f"coastwatch: {address}", address=address)
+        server = server_of(application(service, guard), ssl_certfile=options.tls_cert, ssl_keyfile=options.tls_key)
 
-    def end() -> None:
-        server.should_exit = True
+        def end() -> None:
+            server.should_exit = True
 
-    service.end = end
-    if not service.source.failed:
-        server.run(sockets=[listener])
+        service.end = end
+        if not service.source.failed:
+            server.run(sockets=[listener])
 
 
 def server_of(app: FastAPI, **given: Any) -> uvicorn.Server:

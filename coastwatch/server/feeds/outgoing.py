@@ -65,7 +65,8 @@ def parsed_out(text: str) -> OutAddress:
         )
     if FORMATS[format_].in_datagrams and transport != "udp":
         raise AddressError(f"out: got {text!r}, needed {format_}+udp: {format_.upper()} is sent in datagrams")
-    if FORMATS[format_].needs_site != (site is not None) or (site is not None and not _is_place(site)):
+    is_place = site is None or (len(site) == 2 and abs(site[0]) < 85.0 and abs(site[1]) <= 180.0)
+    if FORMATS[format_].needs_site != (site is not None) or not is_place:
         raise AddressError(f"out: got {text!r}, needed site=LAT,LON with ttm alone: range and bearing are from there")
     return OutAddress(text, format_, transport, parts.hostname, port, rate, None if site is None else (site[0], site[1]))
 
@@ -84,10 +85,9 @@ class OutFeed(Link):
         self._newest: tuple[LivePicture, float] | None = None  # and the time between pictures
         self._before_s, self._next = math.nan, 0
         self._wake, self._ended = threading.Event(), threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"out {address.format}", daemon=True)
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        self._thread = Reconnecting(self, f"out {self.address.text}", RETRY).start(self._session, self._ended)
         return self
 
     def __exit__(self, *unused: object) -> None:
@@ -106,9 +106,6 @@ class OutFeed(Link):
         """Its state for operators, as of a feed that is received."""
         return self.as_feed(f"out {self.address.text}", records=self.sent, dropped=self.skipped)
 
-    def _run(self) -> None:
-        Reconnecting(self, f"out {self.address.text}", _reason, RETRY).run(self._session, self._ended)
-
     def _session(self) -> None:
         with _connection(self.address) as connection:
             self.opened()
@@ -123,18 +120,14 @@ class OutFeed(Link):
             if self._newest is None:
                 continue
             picture, period_s = self._newest
-            left = self._in_turn(picture)
+            first = int(np.searchsorted(picture.array("vessel_id"), self._next))  # the vessel that is next
+            left = [*range(first, len(picture)), *range(first)]
             while left and not self._wake.is_set():
                 begun, rows, left = time.monotonic(), left[:together], left[together:]
                 self._send_some(connection, self._encoder.messages(_vessels(picture, rows, period_s)))
                 self._next = int(picture.array("vessel_id")[rows[-1]]) + 1
                 self._ended.wait(max(begun + len(rows) / self.address.rate - time.monotonic(), 0.0))
             self.skipped += len(left)
-
-    def _in_turn(self, picture: LivePicture) -> list[int]:
-        """The rows of a picture, beginning with the vessel that is next."""
-        first = int(np.searchsorted(picture.array("vessel_id"), self._next))
-        return [*range(first, len(picture)), *range(first)]
 
     def _send_some(self, connection: socket.socket, messages: Iterator[bytes]) -> None:
         some = list(messages)
@@ -146,11 +139,6 @@ class OutFeed(Link):
                     connection.send(message)
         self.sent += len(some)
         self.moved(sum(map(len, some)))
-
-
-def _reason(error: Exception) -> str | None:
-    """Why a feed is not sent; None: a defect, of one picture: the next one may be sent."""
-    return str(error.strerror or error) if isinstance(error, OSError) else None
 
 
 def _vessels(picture: LivePicture, rows: list[int], period_s: float) -> Vessels:
@@ -187,7 +175,3 @@ def _connection(address: OutAddress) -> socket.socket:
         made.close()
         raise
     return made
-
-
-def _is_place(site: tuple[float, ...]) -> bool:
-    return len(site) == 2 and abs(site[0]) < 85.0 and abs(site[1]) <= 180.0

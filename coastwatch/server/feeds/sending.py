@@ -22,7 +22,7 @@ from coastwatch.formats.registry import FORMATS
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.recorded.nmea.feed import lines_of
 from coastwatch.server.feeds.address import MQTT_PORTS, Address
-from coastwatch.server.link import Backoff, Link, Reconnecting, reason_of
+from coastwatch.server.link import Backoff, Link, Reconnecting
 
 STEP_S = 0.2
 """Reports of so much time are sent together."""
@@ -138,13 +138,7 @@ class _Stream(Link):
         self._address = address
         self._socket: socket.socket | None = None
         self._there, self._broken, self._ended = threading.Event(), threading.Event(), threading.Event()
-        again = Reconnecting(
-            self, f"feed {address.text}", lambda error: reason_of(error) if isinstance(error, OSError) else None, RETRY
-        )
-        self._thread = threading.Thread(
-            target=again.run, args=(self._session, self._ended), name=f"send {address.text}", daemon=True
-        )
-        self._thread.start()
+        self._thread = Reconnecting(self, f"send {address.text}", RETRY).start(self._session, self._ended)
         stack.callback(self._close)
         if not self._there.wait(CONNECT_S):
             raise OSError(f"{address.text}: {self.error}")

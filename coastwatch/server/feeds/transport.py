@@ -25,7 +25,6 @@ from coastwatch.formats.decoding import Item
 from coastwatch.formats.registry import FORMATS
 from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import MQTT_PORTS, Address
-from coastwatch.server.feeds.growing_file import GrowingFile
 from coastwatch.server.link import Backoff, Link, Reconnecting, notice_loss, reason_of
 
 MOST_ITEMS = 200_000
@@ -44,6 +43,7 @@ LONGEST_LINE = 65_536
 READ_BYTES = 65_536
 RETRY = Backoff(0.5, 15.0)
 FULL_WAIT_S, TAIL_WAIT_S = 0.02, 0.2
+MARK_BYTES = 256  # before the place of reading, compared to notice that a file was emptied and has grown past that place again
 FORMER_S = 5.0  # how long a file that was renamed must not have grown before it is closed
 DATAGRAM_BUFFER = 4 << 20  # bytes that the system may hold while Python computes
 
@@ -62,7 +62,7 @@ class Inbox(Link):
     _put_bytes: int = 0  # written by the thread that receives
     _taken_bytes: int = 0  # written by the thread that takes
     _numbers: Iterator[int] = field(default_factory=count)
-    _senders: OrderedDict[Any, int] = field(default_factory=OrderedDict)  # by address, the one that was heard last at the end
+    _senders: OrderedDict[tuple[object, ...], int] = field(default_factory=OrderedDict)  # by address, the newest last
 
     @property
     def is_full(self) -> bool:
@@ -73,7 +73,7 @@ class Inbox(Link):
         """The number of a sender that has just connected."""
         return next(self._numbers)
 
-    def sender_at(self, address: Any) -> int:
+    def sender_at(self, address: tuple[object, ...]) -> int:
         """The number of the sender of datagrams at an address."""
         if address not in self._senders:
             self._senders[address] = self.new_sender()
@@ -129,14 +129,14 @@ class Receiver:
 
     async def _receive(self) -> None:
         self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
-        closers: list[Any] = []
+        closers: list[asyncio.AbstractServer | asyncio.BaseTransport] = []
         tasks: list[asyncio.Task[None]] = []
         try:
             for inbox in self.inboxes:
                 if inbox.address.transport in ("listen", "udp"):
                     closers.append(await _opened(inbox))
                 else:
-                    again = Reconnecting(inbox, f"feed {inbox.address.name}", partial(_reason, inbox), RETRY)
+                    again = Reconnecting(inbox, f"feed {inbox.address.name}", RETRY)
                     read = partial(READERS[inbox.address.transport], inbox)
                     tasks.append(asyncio.create_task(again.run_async(read)))
         except OSError as error:
@@ -155,14 +155,7 @@ class Receiver:
             await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def _reason(inbox: Inbox, error: Exception) -> str | None:
-    """Why a feed is not connected; None: a defect."""
-    if isinstance(error, UnicodeError):
-        return f"{inbox.address.host!r} is no name of a machine: {error}"
-    return reason_of(error) if isinstance(error, OSError) else None
-
-
-async def _opened(inbox: Inbox) -> Any:
+async def _opened(inbox: Inbox) -> asyncio.AbstractServer | asyncio.BaseTransport:
     """A listening socket of a feed. Raises: OSError that names its address."""
     address, loop = inbox.address, asyncio.get_running_loop()
     try:
@@ -189,7 +182,7 @@ class _Datagrams(asyncio.DatagramProtocol):
     def __init__(self, inbox: Inbox) -> None:
         self._inbox, self._whole = inbox, FORMATS[inbox.address.format].in_datagrams
 
-    def datagram_received(self, data: bytes, addr: Any) -> None:
+    def datagram_received(self, data: bytes, addr: tuple[object, ...]) -> None:
         if self._inbox.is_full:
             self._inbox.dropped += 1
             return
@@ -215,8 +208,13 @@ class _Room:
         self._silent[sender] = writer
         inbox.connections, inbox.connected = inbox.connections + 1, len(self._silent)
         notice_loss(writer.get_extra_info("socket"))
+
+        def heard() -> None:
+            if sender in self._silent:
+                self._silent.move_to_end(sender)
+
         try:
-            await _read(inbox, reader, sender, lambda: self._heard(sender))
+            await _read(inbox, reader, sender, heard)
         except Exception as error:
             inbox.error = str(error) or type(error).__name__
         except asyncio.CancelledError:
@@ -226,14 +224,13 @@ class _Room:
             inbox.connected = len(self._silent)
             writer.close()
 
-    def _heard(self, sender: int) -> None:
-        if sender in self._silent:
-            self._silent.move_to_end(sender)
-
 
 async def _connected(inbox: Inbox) -> None:
-    """Connect to a sender and read it until it is gone. Raises: OSError, UnicodeError."""
-    reader, writer = await asyncio.open_connection(inbox.address.host, inbox.address.port, limit=READ_BYTES)
+    """Connect to a sender and read it until it is gone. Raises: OSError."""
+    try:
+        reader, writer = await asyncio.open_connection(inbox.address.host, inbox.address.port, limit=READ_BYTES)
+    except UnicodeError as error:
+        raise OSError(f"{inbox.address.host!r} is no name of a machine: {error}") from error
     inbox.opened()
     notice_loss(writer.get_extra_info("socket"))
     try:
@@ -262,6 +259,50 @@ def _put_lines(inbox: Inbox, data: bytes, size: int, sender: int) -> bytes:
     inbox.dropped += len(lines) - len(good)
     inbox.put(good, size, sender)
     return rest if len(rest) <= LONGEST_LINE else rest[: LONGEST_LINE + 1]  # so long that it is dropped, whatever follows
+
+
+class GrowingFile:
+    """A file that another program writes. It stays open when it is renamed or deleted, so that its end is not lost."""
+
+    def __init__(self, path: Path, sender: int, at_start: bool) -> None:
+        """Args: sender: number of who sends its lines; at_start: read it from its beginning, else from its end on. Raises: OSError."""
+        self._file = os.open(path, os.O_RDONLY)
+        found = os.fstat(self._file)
+        self.identity = found.st_dev, found.st_ino
+        self.sender = sender
+        self.rest = b""  # the beginning of a line whose end has not come
+        self.grown_s = 0.0  # when something came last, by any clock
+        self._position = 0 if at_start else found.st_size
+        self._looked: tuple[int, int] | None = None  # size and time of modification at the last look
+        self._mark = self._before()
+
+    def is_emptied(self) -> bool:
+        """Whether the file was emptied since the last look. Then it is read from its beginning. Raises: OSError."""
+        found = os.fstat(self._file)
+        looked = found.st_size, found.st_mtime_ns
+        if looked == self._looked:
+            return False
+        emptied = found.st_size < self._position or self._before() != self._mark
+        self._looked = looked
+        if emptied:
+            self._position, self._mark = 0, b""
+        return emptied
+
+    def more(self, most: int) -> bytes:
+        """What was added, up to so many bytes. Raises: OSError."""
+        data = os.pread(self._file, most, self._position)
+        if data:
+            self._position += len(data)
+            self._mark = (self._mark + data)[-MARK_BYTES:]
+        return data
+
+    def close(self) -> None:
+        """Give the file back."""
+        os.close(self._file)
+
+    def _before(self) -> bytes:
+        begin = max(self._position - MARK_BYTES, 0)
+        return os.pread(self._file, self._position - begin, begin)
 
 
 async def _tailed(inbox: Inbox) -> None:
@@ -326,8 +367,9 @@ async def _subscribed(inbox: Inbox) -> None:
     address = inbox.address
     tls = TLSParameters(ca_certs=address.options.get("ca-file")) if address.transport == "mqtts" else None
     try:
-        login = address.options.get("user"), _password(address)
-        async with Client(address.host, address.port, username=login[0], password=login[1], tls_params=tls) as client:
+        path, user = address.options.get("password-file"), address.options.get("user")
+        password = None if path is None else Path(path).read_text("utf-8").partition("\n")[0]
+        async with Client(address.host, address.port, username=user, password=password, tls_params=tls) as client:
             await client.subscribe(address.path, qos=1)
             inbox.opened()
             sender = inbox.new_sender()
@@ -338,12 +380,6 @@ async def _subscribed(inbox: Inbox) -> None:
                     await asyncio.sleep(FULL_WAIT_S)
     except (MqttError, OSError) as error:
         raise OSError(str(error)) from error
-
-
-def _password(address: Address) -> str | None:
-    """The first line of the file that `password-file` names. Raises: OSError."""
-    path = address.options.get("password-file")
-    return None if path is None else Path(path).read_text("utf-8").partition("\n")[0]
 
 
 Reader = Callable[[Inbox], Coroutine[Any, Any, None]]

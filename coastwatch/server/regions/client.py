@@ -121,8 +121,9 @@ class Connection(Link):
     _thread: threading.Thread | None = None
 
     def __enter__(self) -> Self:
-        self._thread = threading.Thread(target=self._run, name=f"region {self.address.name}", daemon=True)
-        self._thread.start()
+        # only a region that sent something has shown a sign of life: it may close a connection at once
+        again = Reconnecting(self, f"region {self.address.name}", RETRY, _reason, attrgetter("size"))
+        self._thread = again.start(self._next_session, self._ended)
         return self
 
     def __exit__(self, *unused: object) -> None:
@@ -148,11 +149,6 @@ class Connection(Link):
             with suppress(ConnectionClosed, OSError):
                 socket.send(json.dumps({"run": position.run, "seq": position.seq}))
 
-    def _run(self) -> None:
-        # only a region that sent something has shown a sign of life: it may close a connection at once
-        again = Reconnecting(self, f"region {self.address.name}", _reason, RETRY, attrgetter("size"))
-        again.run(self._next_session, self._ended)
-
     def _next_session(self) -> None:
         while len(self._waiting) >= IN_FLIGHT:  # the region may send as many again
             if self._ended.wait(RETRY.first_s):
@@ -167,19 +163,13 @@ class Connection(Link):
 
     def _session(self) -> None:
         """Connect and take messages until the connection ends. Raises: what `_reason` names."""
-        with self._opened() as socket:
-            self._socket = socket
-            self.opened()
-            self._receive(socket)
-
-    def _opened(self) -> ClientConnection:
         run, seq = self.incoming.position
         query = {"run": run, "seq": seq, "from_s": self.from_s}
         token = token_of(self.address)
         context = None
         if self.address.url.startswith("wss"):
             context = ssl.create_default_context(cafile=self.address.ca_file)
-        return connect(
+        with connect(
             f"{self.address.url}{PATH}?{urlencode(query)}",
             subprotocols=[Subprotocol(PROTOCOL)],
             additional_headers={} if token is None else {"Authorization": f"Bearer {token}"},
@@ -188,19 +178,17 @@ class Connection(Link):
             max_size=LARGEST_MESSAGE,
             compression=None,
             proxy=None,
-        )
-
-    def _receive(self, socket: ClientConnection) -> None:
-        """Take messages until the connection ends. The region sends no more than IN_FLIGHT that are not acknowledged."""
-        for message in socket:
-            if isinstance(message, str):
-                raise MessageError(f"got the text {message[:40]!r}, needed a cycle of tracks")
-            cycle = decode(message)
-            self.moved(len(message))
-            if self.incoming.received(Position(cycle.run, cycle.seq), cycle.merged):
-                self._waiting.append(cycle)
-            else:
-                self._acknowledge(Position(cycle.run, cycle.seq))
+        ) as self._socket:
+            self.opened()
+            for message in self._socket:  # the region sends no more than IN_FLIGHT that are not acknowledged
+                if isinstance(message, str):
+                    raise MessageError(f"got the text {message[:40]!r}, needed a cycle of tracks")
+                cycle = decode(message)
+                self.moved(len(message))
+                if self.incoming.received(Position(cycle.run, cycle.seq), cycle.merged):
+                    self._waiting.append(cycle)
+                else:
+                    self._acknowledge(Position(cycle.run, cycle.seq))
 
 
 def _reason(error: Exception) -> str | None:

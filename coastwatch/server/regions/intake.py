@@ -40,26 +40,17 @@ class RegionIntake:
         """Name of its track source."""
         return self.connection.address.name
 
-    @property
-    def _is_ahead(self) -> bool:
-        return self._checked and self._ahead_s > FAR_AHEAD_S
-
     def take(self, until_s: float) -> None:
         """Take what has come, until a cycle ends at this instant or later. What follows stays with the region: memory is bounded."""
         while self.newest_s < until_s and (cycle := self.connection.next()) is not None:
-            cycle = self._judged(cycle)
+            at_s = now_s()
+            self._ahead_s = cycle.time_s - at_s
+            if self._checked and self._ahead_s > FAR_AHEAD_S:  # its time is that of its arrival
+                self.ahead += 1
+                cycle = replace(cycle, time_s=max(at_s, self.newest_s))
             self._waiting.append(cycle)
             self.newest_s = max(self.newest_s, cycle.time_s)
             self.first_s = min(self.first_s, cycle.time_s)
-
-    def _judged(self, cycle: RegionCycle) -> RegionCycle:
-        """A cycle, at the time of its arrival where its own is far ahead."""
-        at_s = now_s()
-        self._ahead_s = cycle.time_s - at_s
-        if not self._checked or self._ahead_s <= FAR_AHEAD_S:
-            return cycle
-        self.ahead += 1
-        return replace(cycle, time_s=max(at_s, self.newest_s))
 
     def cut(self, after_s: float, until_s: float) -> TrackReports:
         """The tracks of the cycles that end in a span. Older ones are late: counted and left out."""
@@ -68,7 +59,7 @@ class RegionIntake:
         used = [cycle for cycle in due if cycle.time_s > after_s]
         self.late, self.used = self.late + len(due) - len(used), self.used + len(used)
         self.without += not used
-        self._intake = [self._of_run([c for c in due if c.run == run], after_s) for run in _runs(due)]
+        self._intake = [self._of_run([c for c in due if c.run == run], after_s) for run in dict.fromkeys(c.run for c in due)]
         reports = TrackReports.join([cycle.reports(self._source) for cycle in used])
         kept, found = limits.within(reports, limits.track_faults(reports))
         for kind, mask in found.items():
@@ -96,7 +87,7 @@ class RegionIntake:
 
     def counters(self) -> FeedState:
         """Its state for operators, as of a feed."""
-        link = self.connection
+        link, is_ahead = self.connection, self._checked and self._ahead_s > FAR_AHEAD_S
         return link.as_feed(
             f"region {self.name}",
             received=link.incoming.position.seq,
@@ -106,13 +97,8 @@ class RegionIntake:
             dropped=link.incoming.missing,
             newest_s=self.newest_s if math.isfinite(self.newest_s) else None,
             faults={fault.kind: fault.count for fault in self.faults()},
-            troubles=[f"its clock is {self._ahead_s:.0f} s ahead: the time of arrival is taken"] if self._is_ahead else [],
+            troubles=[f"its clock is {self._ahead_s:.0f} s ahead: the time of arrival is taken"] if is_ahead else [],
         )
-
-
-def _runs(cycles: list[RegionCycle]) -> list[str]:
-    """The runs of these cycles, in order."""
-    return list(dict.fromkeys(cycle.run for cycle in cycles))
 
 
 def resumed(address: RegionAddress, positions: Mapping[str, tuple[str, int]], from_s: float) -> Connection:

@@ -208,8 +208,8 @@ class Journal(Link):
     _thread: threading.Thread | None = None
 
     def __enter__(self) -> Self:
-        self._thread = threading.Thread(target=self._run, name=f"journal {self.address.stream}", daemon=True)
-        self._thread.start()
+        again = Reconnecting(self, f"the journal {self.address.stream}", RETRY, _reason)
+        self._thread = again.start(lambda: asyncio.run(self._publish()), self._ended)
         return self
 
     def __exit__(self, *unused: object) -> None:
@@ -222,10 +222,6 @@ class Journal(Link):
         return self.as_feed(
             f"out tracks+{self.address.url}/{self.address.stream}", records=self.published, dropped=self.missing
         )
-
-    def _run(self) -> None:
-        again = Reconnecting(self, f"the journal {self.address.stream}", _reason, RETRY)
-        again.run(lambda: asyncio.run(self._publish()), self._ended)
 
     async def _publish(self) -> None:
         loop, wake = asyncio.get_running_loop(), asyncio.Event()

@@ -69,7 +69,12 @@ class Publisher:
         """Call a function after each new cycle. Returns: what ends that."""
         with self._lock:
             self._waiting[id(tell)] = tell
-        return lambda: _drop(self._waiting, self._lock, id(tell))
+
+        def end() -> None:
+            with self._lock:
+                self._waiting.pop(id(tell), None)
+
+        return end
 
     def _known_run(self, position: Position) -> int | None:
         """The run in this database that a position is of; None: it is of another database, or of no run."""
@@ -82,8 +87,3 @@ class Publisher:
         if run_id not in self._runs:
             self._runs[run_id] = store.run_key(self._store, run_id) or f"{run_id}@"
         return self._runs[run_id]
-
-
-def _drop(waiting: dict[int, Callable[[], None]], lock: threading.Lock, key: int) -> None:
-    with lock:
-        waiting.pop(key, None)
