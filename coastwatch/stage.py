@@ -108,7 +108,9 @@ class Groups(Struct):
 Arrays = Mapping[str, Any]
 """Arrays by name. A value may also be a tuple of arrays."""
 
-Work = Callable[[Any, Arrays, Groups], tuple[Array, ...]]
+S = TypeVar("S")  # settings of work
+
+Work = Callable[[S, Arrays, Groups], tuple[Array, ...]]
 """A module-level pure function (settings, arrays, groups) -> arrays: what is done for a chunk of spots at once.
 
 The result for a spot does not depend on the other spots of its chunk. The caller sorts the results of all chunks.
@@ -116,7 +118,7 @@ The result for a spot does not depend on the other spots of its chunk. The calle
 
 
 def by_group(
-    of_one: Callable[[Any, Arrays, Ints], tuple[Array, ...]], settings: Any, arrays: Arrays, groups: Groups
+    of_one: Callable[[S, Arrays, Ints], tuple[Array, ...]], settings: S, arrays: Arrays, groups: Groups
 ) -> tuple[Array, ...]:
     """The results of of_one(settings, arrays, rows) for the rows of each group, concatenated."""
     parts = [of_one(settings, arrays, groups.of(k)) for k in range(len(groups))]
@@ -128,12 +130,12 @@ def by_group(
 class Map(Protocol):
     """How per-spot work is mapped over processors: `coastwatch.workers` has the kinds. Pairs, ids and flags are the same for all."""
 
-    def __call__(self, work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
+    def __call__(self, work: Work[S], settings: S, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
         """The result of work(settings, arrays, chunk) for each chunk. Chunks hold every spot once; there is at least one."""
         ...
 
 
-def serial(work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
+def serial(work: Work[S], settings: S, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
     """The Map without workers: all spots as one chunk, in this process."""
     return [work(settings, arrays, spots)]
 

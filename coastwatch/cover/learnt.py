@@ -141,7 +141,8 @@ class LearntCover(Method):
         counts = memory.counts if len(memory.counts) else CellCounts.none(len(sensors.radars))
         turned = _turned(counts, plots, sensors)
         before = memory.visits.take(~jumped[memory.visits.radar])
-        keep = np.exp(-turned.turns * sensors.radars.period_s / self.memory_s - turned.shift_m / _ring_m(sensors)) * ~jumped
+        ring_m = sensors.radars.range_m / COVER_RANGES
+        keep = np.exp(-turned.turns * sensors.radars.period_s / self.memory_s - turned.shift_m / ring_m) * ~jumped
         counts = replace(counts.forgotten(keep), site_deg=turned.site_deg, newest_s=turned.newest_s)
         counts.turns[:] += turned.turns
 
@@ -255,22 +256,13 @@ class LearntCover(Method):
         )
 
 
-def _ring_m(sensors: Sensors) -> Floats:
-    """Depth of a cell of each radar. (R,)"""
-    return sensors.radars.range_m / COVER_RANGES
-
-
 def _turned(counts: CellCounts, plots: Plots, sensors: Sensors) -> Turned:
     """How each radar has turned since the last cycle. The first cycle with plots, and one after a pause, counts no turn."""
     radars = sensors.radars
     _, newest, _ = kernels.association.polar_pairs.sweeps(plots.sensor, plots.time_s, plots.site_m, len(radars))
     sent = np.flatnonzero(newest >= 0)
-    site_deg, newest_s, turns, shift_m = (
-        counts.site_deg.copy(),
-        counts.newest_s.copy(),
-        np.zeros(len(radars)),
-        np.zeros(len(radars)),
-    )
+    site_deg, newest_s = counts.site_deg.copy(), counts.newest_s.copy()
+    turns, shift_m = np.zeros(len(radars)), np.zeros(len(radars))
     site_deg[sent] = from_plane(plots.site_m[newest[sent]], sensors.region_origin_deg[radars.region[sent]])
     newest_s[sent] = np.fmax(plots.time_s[newest[sent]], counts.newest_s[sent])
     known = sent[np.isfinite(counts.newest_s[sent])]
@@ -284,20 +276,16 @@ def _turned(counts: CellCounts, plots: Plots, sensors: Sensors) -> Turned:
 def _in_range(tracks: Tracks, rows: Ints, turned: Turned, sensors: Sensors) -> Seen:
     """The pairs of these rows and the radars in whose range they are. A radar that has sent nothing has none."""
     placed = np.flatnonzero(np.isfinite(turned.site_deg[:, 0]))
-    sites = turned.site_deg[placed], sensors.radars.range_m[placed]
-    pairs = kernels.geometry.sensor_coverage.pairs_in_range(*sites, tracks.position_deg[rows], np.zeros(len(rows)))
+    pairs = kernels.geometry.sensor_coverage.pairs_in_range(
+        turned.site_deg[placed], sensors.radars.range_m[placed], tracks.position_deg[rows], np.zeros(len(rows))
+    )
     row, radar, offset = rows[pairs[0]], placed[pairs[1]], pairs[2]
     order = np.lexsort((row, radar))
-    order = order[_may_see(tracks.source[row[order]], sensors.radars.region[radar[order]], sensors)]
+    source = tracks.source[row[order]]  # a track of plots may hold plots of its own region alone
+    order = order[(source == sensors.ais_source) | (source == sensors.radars.region[radar[order]])]
     row, radar, offset = row[order], radar[order], offset[order]
     azimuth, distance = np.arctan2(offset[:, 0], offset[:, 1]), np.hypot(offset[:, 0], offset[:, 1])
     return Seen(radar, row, _cell(azimuth, distance, sensors.radars.range_m[radar]))
-
-
-def _may_see(source: Ints, region: Ints, sensors: Sensors) -> Bools:
-    """Whether a track of a source may hold plots of a radar of a region: tracks of plots hold those of their own region. (P,)"""
-    out: Bools = (source == sensors.ais_source) | (source == region)
-    return out
 
 
 def _cell(azimuth_rad: Floats, distance_m: Floats, range_m: Floats) -> Ints:

@@ -65,7 +65,7 @@ class Pairs:
         self._true.append(found.score[true])
         self._wrong.append(found.score[~true])
 
-    def as_object(self) -> dict[str, Any]:
+    def as_object(self) -> dict[str, list[float] | int]:
         """Scores of the true pairs, and the greatest scores of the wrong pairs; both sorted, greatest first."""
         true, wrong = (np.sort(np.concatenate([np.zeros(0), *part]))[::-1] for part in (self._true, self._wrong))
         kept = wrong[:KEPT_WRONG]

@@ -128,7 +128,7 @@ def at_path(record: Record, path: str) -> float | None:
     return float(here) if isinstance(here, int | float) and math.isfinite(here) else None
 
 
-def _below(here: Any, parts: Sequence[str]) -> Any:
+def _below(here: object, parts: Sequence[str]) -> object:
     """What stands at these parts of a path; None if there is nothing."""
     if not parts or not isinstance(here, Mapping):
         return None if parts else here
@@ -140,14 +140,10 @@ def _below(here: Any, parts: Sequence[str]) -> Any:
 def at(made: Sequence[Made], variant: str, point: Mapping[str, Value]) -> Made | None:
     """A variant at the point with these settings; the first if other settings are swept too."""
     for one in made:
-        if one.wanted.variant.name == variant and _agrees(one.wanted.point, point):
+        have = dict(one.wanted.point)
+        if one.wanted.variant.name == variant and all(have.get(key) == value for key, value in point.items()):
             return one
     return None
-
-
-def _agrees(point: Point, wanted: Mapping[str, Value]) -> bool:
-    have = dict(point)
-    return all(have.get(key) == value for key, value in wanted.items())
 
 
 def _column(made: Sequence[Made], figure: Figure, variant: str, path: str) -> Spread:

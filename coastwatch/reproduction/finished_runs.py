@@ -56,7 +56,7 @@ class FinishedRuns:
             return None
         return found
 
-    def keep(self, key: str, record: Mapping[str, Any]) -> None:
+    def keep(self, key: str, record: Mapping[str, object]) -> None:
         """Writes the record of a run."""
         self.write(f"runs/{key}.json", json.dumps(record, allow_nan=False))
 

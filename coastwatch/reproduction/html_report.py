@@ -24,6 +24,7 @@ th:first-child, td:first-child { text-align: left; white-space: normal; min-widt
 figure { margin: 1rem 0; } figure img { max-width: 100%; } figcaption { color: #5b6b7a; font-size: .85rem; max-width: 52rem; }
 code { font-size: .85em; } nav a { margin-right: .9rem; } @media print { h2 { break-before: page; } }
 """
+LEADING = ("F1", "MCC", "specificity", "position", "share", "fused targets")  # published figures in the summary
 # path, heading, unit, digits: columns of the table of variants, by the stage of the folder
 DECISIONS = (("f1", "F1", "%", 2), ("precision", "precision", "%", 2), ("recall", "recall", "%", 2), ("accuracy", "accuracy", "%", 2),
              ("specificity", "specificity", "%", 2), ("mcc", "MCC", "", 3), ("swaps", "swaps", "", 0))  # fmt: skip
@@ -113,15 +114,9 @@ def _summary(reproduction: Reproduction) -> Iterator[str]:
     yield "</ul>"
     for row in (r for r in every if better_than_published(r) is False):
         yield f"<li>Worse than published: {escape(_title(row))}: {_plain(row.figure.published, row)}, ours {_cell(row.default, row)}.</li>"
-    lead = [(folder, row) for folder in reproduction.folders for row in _leading(folder)]
     head = ("figure", "published", "literal", "our default", "bound")
-    yield _table(head, [(_title(row), *_columns(row)) for _, row in lead])
-
-
-def _leading(folder: Folder) -> list[Row]:
-    """The figures of a folder in the summary: published, and either F1, MCC, a position, a time share or a count."""
-    words = ("F1", "MCC", "specificity", "position", "share", "fused targets")
-    return [r for r in folder.rows if r.figure.published is not None and any(w in r.figure.name for w in words)]
+    lead = [r for r in every if r.figure.published is not None and any(word in r.figure.name for word in LEADING)]
+    yield _table(head, [(_title(row), *_columns(row)) for row in lead])
 
 
 def better_than_published(row: Row) -> bool | None:
@@ -145,7 +140,14 @@ def _section(folder: Folder) -> Iterator[str]:
             yield f'<figure><img alt="{escape(caption)}" src="{uri}"><figcaption>{escape(caption)}</figcaption></figure>'
     yield "<h3>All variants</h3>"
     columns = _columns_of(folder)
-    rows = [(_name_of(made), str(len(made.records)), *(_value(made, *column) for column in columns)) for made in folder.made]
+    rows = [
+        (
+            _name_of(made),
+            str(len(made.records)),
+            *(_spread(Spread(values(made.records, path)), unit, digits) for path, _, unit, digits in columns),
+        )
+        for made in folder.made
+    ]
     yield _table(("variant", "runs", *(heading for _, heading, _, _ in columns)), rows)
     yield f"<p class=faint>Raw values of every run and all settings: the JSON beside this page, <code>scenarios.{folder.name}</code>.</p>"
 
@@ -177,10 +179,6 @@ def _columns_of(folder: Folder) -> Sequence[tuple[str, str, str, int]]:
 def _name_of(made: Made) -> str:
     point = ", ".join(f"{key.rpartition('.')[2].replace('_', ' ')} {value}" for key, value in made.wanted.point)
     return f"{made.wanted.variant.title}" + (f" ({point})" if point else "")
-
-
-def _value(made: Made, path: str, _: str, unit: str, digits: int) -> str:
-    return _spread(Spread(values(made.records, path)), unit, digits)
 
 
 def _title(row: Row) -> str:

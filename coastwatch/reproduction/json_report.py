@@ -37,7 +37,7 @@ class Reproduction:
     command: str
 
 
-def as_object(reproduction: Reproduction) -> dict[str, Any]:
+def as_object(reproduction: Reproduction) -> dict[str, object]:
     """Plain values. A number that is not finite is null."""
     return {
         "schema": SCHEMA,
@@ -58,7 +58,7 @@ def as_object(reproduction: Reproduction) -> dict[str, Any]:
     }
 
 
-def _figure(row: Row) -> dict[str, Any]:
+def _figure(row: Row) -> dict[str, object]:
     f = row.figure
     return {
         "name": f.name,
@@ -79,20 +79,20 @@ def _figure(row: Row) -> dict[str, Any]:
     }
 
 
-def _order(order: Order) -> dict[str, Any]:
+def _order(order: Order) -> dict[str, object]:
     o = order.ordering
-    known = {
+    return {
         "path": o.path,
         "than": o.than or o.path,
         "less": o.less,
         "more": o.more,
         "at": dict(order.point),
         "verdict": order.verdict,
+        "difference": _spread(order.difference),
     }
-    return {**known, "difference": _spread(order.difference)}
 
 
-def _spread(spread: Spread) -> dict[str, Any]:
+def _spread(spread: Spread) -> dict[str, object]:
     return {"mean": _finite(spread.mean), "std": _finite(spread.std), "runs": len(spread.values), "values": list(spread.values)}
 
 
@@ -100,7 +100,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _variant(made: Made) -> dict[str, Any]:
+def _variant(made: Made) -> dict[str, object]:
     return {
         "name": made.wanted.variant.name,
         "title": made.wanted.variant.title,
@@ -111,7 +111,7 @@ def _variant(made: Made) -> dict[str, Any]:
     }
 
 
-def _run(record: Record) -> dict[str, Any]:
+def _run(record: Record) -> dict[str, object]:
     plain = {key: value for key, value in record.items() if key not in LARGE}
     shown = record.get("picture")
     return plain | ({"picture": {k: v for k, v in shown.items() if k != "png"}} if shown else {})

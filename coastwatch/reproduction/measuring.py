@@ -7,12 +7,12 @@ import math
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from coastwatch.centre import Cycle
 from coastwatch.reproduction import side_by_side, systems, targets, two_filters
 from coastwatch.reproduction.cycle_statistics import Decisions, Pairs
 from coastwatch.reproduction.planning import Job
+from coastwatch.scenario import Scenario
 from coastwatch.server.run import RunResult, run_scenario
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import json_value
@@ -24,7 +24,7 @@ Draw = Callable[[str, int, str], tuple[dict[str, int], bytes]]
 AROUND = 1  # cycles before and after an instant that are counted with it
 
 
-def measure(job: Job, draw: Draw) -> dict[str, Any] | None:
+def measure(job: Job, draw: Draw) -> dict[str, object] | None:
     """The record of a run; None if it was interrupted.
 
     Returns: seed, elapsed_s, scores (with the counts of decisions of the scored cycles), timings_s, and on request `history`
@@ -53,7 +53,7 @@ def measure(job: Job, draw: Draw) -> dict[str, Any] | None:
         if result.interrupted:
             return None
         shown = _picture(result, database, draw) if job.picture else None
-    plain: dict[str, Any] = json_value(
+    plain: dict[str, object] = json_value(
         {
             "seed": job.seed,
             "elapsed_s": result.elapsed_s,
@@ -67,14 +67,14 @@ def measure(job: Job, draw: Draw) -> dict[str, Any] | None:
     return plain
 
 
-def _unkept(job: Job) -> Any:
+def _unkept(job: Job) -> Scenario:
     """The scenario with as little stored as possible: nothing reads the database."""
     every = dict.fromkeys(("spots_every", "associations_every", "registration_every", "checkpoint_every"), 10**9)
     seldom = {**every, "history_error_m": 1e9, "history_max_s": 1e9}
     return job.scenario.model_copy(update={"store": job.scenario.store.model_copy(update=seldom)})
 
 
-def _scores(job: Job, result: RunResult, decisions: Decisions) -> dict[str, Any]:
+def _scores(job: Job, result: RunResult, decisions: Decisions) -> dict[str, object]:
     first, stop = job.scenario.warmup_cycles, result.cycles
     counted = {stage: decisions.between(stage, first, stop) for stage in decisions.rows}
     return {**result.scores, **{stage: {**result.scores.get(stage, {}), **of} for stage, of in counted.items()}}
@@ -86,7 +86,7 @@ def _at(job: Job, decisions: Decisions, at_s: float) -> dict[str, dict[str, floa
     return {stage: decisions.between(stage, cycle - AROUND, cycle + AROUND + 1) for stage in decisions.rows}
 
 
-def _picture(result: RunResult, database: str, draw: Draw) -> dict[str, Any]:
+def _picture(result: RunResult, database: str, draw: Draw) -> dict[str, int | str]:
     """Number of vessels of each kind in the last picture, and the picture as a PNG."""
     counts, png = draw(database, result.run_id, str(scenarios_folder() / "guanabara" / "coastline.geojson"))
     return {**counts, "png": base64.b64encode(png).decode()}

@@ -151,12 +151,9 @@ class Published(Settings):
 
 def settings_of(variant: Variant, point: Point) -> tuple[str, ...]:
     """KEY=VALUE of all settings that a variant changes at a point. A swept key may be several, with commas between."""
-    swept = (f"{key}={_written(value)}" for keys, value in point for key in keys.split(","))
+    written = ((keys, f"{value:g}" if isinstance(value, float) else value) for keys, value in point)
+    swept = (f"{key}={value}" for keys, value in written for key in keys.split(","))
     return (*variant.settings, *swept)
-
-
-def _written(value: Value) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def papers() -> dict[str, dict[str, Published]]:
@@ -186,7 +183,7 @@ def read(path: Path) -> Published | None:
         raise InputError(f"{path}: {'; '.join(refusals(error, Published))}") from error
 
 
-def _variants(path: Path, folder: object) -> list[Any]:
+def _variants(path: Path, folder: object) -> list[object]:
     """The variants of another scenario's file."""
     there = scenarios_folder() / str(folder) / "published.toml"
     found = tomllib.loads(there.read_text("utf-8")).get("variant", []) if there.is_file() else []

@@ -28,7 +28,7 @@ class SideBySide(Settings):
     lost_m: float = 100.0  # a track farther from its vessel is lost
 
 
-def measure(scenario: Scenario, seed: int, asked: SideBySide) -> dict[str, dict[str, Any]]:
+def measure(scenario: Scenario, seed: int, asked: SideBySide) -> dict[str, dict[str, dict[str, float | int | None]]]:
     """Figures by method: `associations` as of `PairScores`; `fused_tracks` as of `figures_of`."""
     sensors, plan = scenario.sensors(), scenario.plan()
     recording, none = scenario.input.load(sensors, seed, plan), RadarCorrections.none(len(sensors.radars))

@@ -9,7 +9,7 @@ Source: A. Sagild, track-to-track fusion of radar and AIS, 2021, chapter 14.
 from __future__ import annotations
 
 from collections import deque
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -52,7 +52,7 @@ def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | 
     born: dict[int, float] = {}
     begun: dict[int, float] = {}
     ospas: list[float] = []
-    window: deque[dict[str, Any]] = deque(maxlen=asked.ospa2_window)
+    window: deque[dict[str, tuple[Ints, Floats]]] = deque(maxlen=asked.ospa2_window)
     matched = present = estimates = 0
     for number in range(plan.cycles):
         now_s = plan.instant_s(number)
@@ -101,7 +101,7 @@ def _with_radar(cycle: Cycle, kinds: Ints) -> tuple[Ints, FusedTracks]:
     return tracks.track_id[radar[first]], cycle.fused.take(number)
 
 
-def _over(window: deque[dict[str, Any]], key: str) -> Floats:
+def _over(window: deque[dict[str, tuple[Ints, Floats]]], key: str) -> Floats:
     """Positions by name and instant, NaN where there is none. (N, T, 2)"""
     names = np.unique(np.concatenate([one[key][0] for one in window]))
     out = np.full((len(names), len(window), 2), np.nan)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from coastwatch.tracks.radar.life import TrackManagement
 NEVER = 10**6  # turns or seconds that no run has: tracks of known origin end with their targets
 
 
-def measure(scenario: Scenario, seed: int, asked: Targets) -> dict[str, Any]:
+def measure(scenario: Scenario, seed: int, asked: Targets) -> dict[str, float | list[float] | None]:
     """The scores of the tracks of region 0, and as `genie_...` those of the bound."""
     both = {"": scenario.tracks, "genie_": of_known_origin(scenario)}
     return {
@@ -33,7 +32,7 @@ def of_known_origin(scenario: Scenario) -> TableTracker:
     return TableTracker(association=KnownOrigin(), motion=scenario.tracks.motion, upkeep=upkeep)
 
 
-def _run(scenario: Scenario, method: TableTracker, seed: int, asked: Targets) -> dict[str, Any]:
+def _run(scenario: Scenario, method: TableTracker, seed: int, asked: Targets) -> dict[str, float | list[float] | None]:
     sensors, plan = scenario.sensors(), scenario.plan()
     recording, none = scenario.input.load(sensors, seed, plan), RadarCorrections.none(len(sensors.radars))
     assert recording.truth is not None

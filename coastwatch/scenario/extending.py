@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Any
 
 from coastwatch.errors import InputError
 from coastwatch.shipped import scenarios_folder
@@ -16,41 +15,37 @@ class ScenarioError(InputError):
     """A scenario cannot be read; the message names the file, the key, what it got and what it needed."""
 
 
-def extended(path: Path) -> dict[str, Any]:
+def extended(path: Path, before: tuple[Path, ...] = ()) -> dict[str, object]:
     """The TOML document in this file, merged over the one that its `extends` names.
 
     Tables are merged key by key; other values, also lists, are those of the extending file. A table that names another `method`
     replaces the table below it, whose settings belong to the other method. The name is never inherited.
-    Raises: ScenarioError that names the file.
+    Args: before: the files that extend this one. Raises: ScenarioError that names the file.
     """
-    return _extended(path, ())
+    here = path.resolve()
+    if here in before:
+        names = [p.parent.name if p.name == "scenario.toml" else str(p) for p in (*before[before.index(here) :], here)]
+        raise ScenarioError(f"{before[0]}: extends: {' extends '.join(names)}: a scenario cannot extend itself")
+    data = _document(path)
+    named = data.pop("extends", None)
+    if named is None:
+        return data
+    below = extended(_extended_file(path, named), (*before, here))
+    return merged({key: value for key, value in below.items() if key not in OWN}, data)
 
 
-def merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+def merged(below: dict[str, object], above: dict[str, object]) -> dict[str, object]:
     """A table merged over another one; neither is changed."""
     if "method" in above and above["method"] != below.get("method", above["method"]):
         return dict(above)
     out = dict(below)
     for key, value in above.items():
-        both = isinstance(value, dict) and isinstance(out.get(key), dict)
-        out[key] = merged(out[key], value) if both else value
+        under = out.get(key)
+        out[key] = merged(under, value) if isinstance(value, dict) and isinstance(under, dict) else value
     return out
 
 
-def _extended(path: Path, before: tuple[Path, ...]) -> dict[str, Any]:
-    here = path.resolve()
-    if here in before:
-        chain = " extends ".join(_name_of(p) for p in (*before[before.index(here) :], here))
-        raise ScenarioError(f"{before[0]}: extends: {chain}: a scenario cannot extend itself")
-    data = _document(path)
-    named = data.pop("extends", None)
-    if named is None:
-        return data
-    below = _extended(_extended_file(path, named), (*before, here))
-    return merged({key: value for key, value in below.items() if key not in OWN}, data)
-
-
-def _document(path: Path) -> dict[str, Any]:
+def _document(path: Path) -> dict[str, object]:
     try:
         content = path.read_bytes()
         data = tomllib.loads(content.decode("utf-8"))
@@ -76,7 +71,3 @@ def _extended_file(path: Path, named: object) -> Path:
     if not found.is_file():
         raise ScenarioError(f"{path}: extends: got {named!r}, but there is no {found}")
     return found
-
-
-def _name_of(path: Path) -> str:
-    return path.parent.name if path.name == "scenario.toml" else str(path)

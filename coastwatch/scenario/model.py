@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import AwareDatetime, Field, model_validator
@@ -141,7 +141,7 @@ class Scenario(Settings):
 
     @model_validator(mode="before")
     @classmethod
-    def _default_method_where_none_is_named(cls, data: Any) -> Any:
+    def _default_method_where_none_is_named(cls, data: object) -> object:
         """A table without `method` has the settings of the default method of its stage."""
         if not isinstance(data, dict):
             return data
@@ -199,14 +199,13 @@ class Scenario(Settings):
         return self
 
     def sensors(self) -> Sensors:
-        """The sensors as arrays, with numbered regions and sources."""
-        return sensors_of(self._placed_radars(), self.stations, self.sonars, self.track_sources)
+        """The sensors as arrays, with numbered regions and sources; a radar that moves where its first plot was measured.
 
-    def _placed_radars(self) -> list[Radar]:
-        """The radars, those that move where their first plot was measured. Raises: ValueError if the input does not say it."""
+        Raises: InputError if the input does not say where that was.
+        """
         moving = [r.name for r in self.radars if r.latitude_deg is None]
         if not moving:
-            return list(self.radars)
+            return sensors_of(self.radars, self.stations, self.sonars, self.track_sources)
         places = self.input.first_sites() if isinstance(self.input, Tables) else {}
         lost = [name for name in moving if not places or (name not in places and len(self.radars) > 1)]
         if lost:
@@ -220,7 +219,7 @@ class Scenario(Settings):
             latitude, longitude = places.get(radar.name, only)
             update = {"latitude_deg": latitude, "longitude_deg": longitude} if radar.name in moving else {}
             placed.append(radar.model_copy(update=update))
-        return placed
+        return sensors_of(placed, self.stations, self.sonars, self.track_sources)
 
     @property
     def warmup_cycles(self) -> int:

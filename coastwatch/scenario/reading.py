@@ -5,7 +5,6 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
@@ -36,7 +35,7 @@ def load_scenario(name_or_path: str, overrides: Mapping[str, str] | None = None)
     return make_scenario(extended(path), str(path), overrides or {})
 
 
-def make_scenario(data: dict[str, Any], where: str, overrides: Mapping[str, str]) -> Scenario:
+def make_scenario(data: dict[str, object], where: str, overrides: Mapping[str, str]) -> Scenario:
     """The scenario that a parsed TOML document describes, with settings overridden. Raises: ScenarioError."""
     for key, text in overrides.items():
         stage, _, last = key.rpartition(".")
@@ -51,7 +50,7 @@ def make_scenario(data: dict[str, Any], where: str, overrides: Mapping[str, str]
         ) from error
 
 
-def _leave_out_unknown(data: dict[str, Any], stage: str, method: str) -> None:
+def _leave_out_unknown(data: dict[str, object], stage: str, method: str) -> None:
     """Leave out the settings of a stage that its method in the file has and another method does not, in place."""
     field, table = Scenario.model_fields.get(stage), data.get(stage)
     if field is None or not isinstance(table, dict):
@@ -95,13 +94,13 @@ def _find(name_or_path: str) -> Path:
     return shipped
 
 
-def _override(data: dict[str, Any], key: str, text: str) -> None:
+def _override(data: dict[str, object], key: str, text: str) -> None:
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text
     *parents, last = key.split(".")
-    here: Any = data
+    here: dict[str, object] | list[object] = data
     for depth, part in enumerate(parents):
         here = _step_into(here, part, ".".join(parents[: depth + 1]))
     if isinstance(here, list):
@@ -110,14 +109,14 @@ def _override(data: dict[str, Any], key: str, text: str) -> None:
         here[last] = value
 
 
-def _step_into(here: Any, part: str, path: str) -> Any:
+def _step_into(here: dict[str, object] | list[object], part: str, path: str) -> dict[str, object] | list[object]:
     found = here[_index(here, part, path)] if isinstance(here, list) else here.setdefault(part, {})
     if not isinstance(found, dict | list):
         raise ScenarioError(f"--set {path}: got {found!r} there, needed a table")
     return found
 
 
-def _index(items: list[Any], part: str, path: str) -> int:
+def _index(items: list[object], part: str, path: str) -> int:
     if not (part.isascii() and part.isdigit()) or int(part) >= len(items):
         raise ScenarioError(f"--set {path}: got {part!r}, needed a number from 0 to {len(items) - 1}")
     return int(part)

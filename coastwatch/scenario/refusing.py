@@ -69,7 +69,7 @@ def in_brackets(path: Sequence[str]) -> str:
     return "".join(f"[{part}]" if part.isdecimal() else f".{part}" for part in path).removeprefix(".")
 
 
-def models_of(annotation: Any) -> tuple[list[type[BaseModel]], bool]:
+def models_of(annotation: object) -> tuple[list[type[BaseModel]], bool]:
     """The models that an annotation allows, and whether it holds a list of them."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation], False
@@ -114,7 +114,7 @@ def sentence(
     return f"{path}: got {f'{noun} ' if noun else ''}{_short(given)}, needed {needed}"
 
 
-def _tag(context: Mapping[str, Any]) -> str:
+def _tag(context: Mapping[str, object]) -> str:
     """The setting by which a table says what it is: method, or kind."""
     return str(context["discriminator"]).strip("'")
 
@@ -179,6 +179,6 @@ def _form(holder: type[BaseModel] | None, key: str) -> str:
     return f"{'tables [[' if many else 'a table ['}{key}{']]' if many else ']'} with {required}"
 
 
-def _short(value: Any) -> str:
+def _short(value: object) -> str:
     text = value.isoformat() if hasattr(value, "isoformat") else repr(value)
     return text if len(text) <= 80 else text[:77] + "..."

@@ -88,66 +88,56 @@ def sensors_of(
 ) -> Sensors:
     """The sensors as arrays. Regions are numbered by their first radar; a region's plane is tangent at the mean of its radars."""
     regions = list(dict.fromkeys(r.region for r in radars))
-    sites = _sites(radars)
-    number = np.array([regions.index(r.region) for r in radars], np.int64)
+    number, sites = np.array([regions.index(r.region) for r in radars], np.int64), _sites(radars)
     origins = [_mean_position(sites[number == k]) for k in range(len(regions))]
     return Sensors(
-        radars=_radars(radars, number),
+        radars=Radars(
+            name=_names(radars),
+            region=number,
+            site_deg=sites,
+            range_m=_column(radars, "range_nm") * NAUTICAL_MILE_M,
+            period_s=60.0 / _column(radars, "rpm"),
+            range_sigma_m=_column(radars, "range_noise_m"),
+            azimuth_sigma_rad=np.radians(_column(radars, "azimuth_noise_deg")),
+        ),
         stations=Stations(
             name=_names(stations), site_deg=_sites(stations), range_m=_column(stations, "range_nm") * NAUTICAL_MILE_M
         ),
-        sonars=_sonars(sonars),
+        sonars=Sonars(
+            name=_names(sonars),
+            site_deg=_sites(sonars),
+            range_m=_column(sonars, "range_nm") * NAUTICAL_MILE_M,
+            bearing_sigma_rad=np.radians(_column(sonars, "bearing_noise_deg")),
+            interval_s=_column(sonars, "interval_s"),
+            arc_from_deg=_column(sonars, "arc_from_deg"),
+            arc_to_deg=_column(sonars, "arc_to_deg"),
+        ),
         region_names=tuple(regions),
         region_origin_deg=np.array(origins).reshape(-1, 2),
-        track_sources=_track_sources(track_sources),
+        track_sources=TrackSources(
+            name=_names(track_sources),
+            site_deg=_sites(track_sources),
+            heading_deg=_column(track_sources, "heading_deg"),
+            position_sigma_m=_column(track_sources, "position_sigma_m"),
+            velocity_sigma_m_s=_column(track_sources, "velocity_sigma_m_s"),
+            patience_s=_column(track_sources, "patience_s"),
+        ),
     )
 
 
-def _track_sources(sources: Sequence[TrackSource]) -> TrackSources:
-    site = [[np.nan if x is None else x for x in (s.latitude_deg, s.longitude_deg)] for s in sources]
-    return TrackSources(
-        name=np.array([s.name for s in sources], "U32"),
-        site_deg=np.array(site, np.float64).reshape(-1, 2),
-        heading_deg=np.array([s.heading_deg for s in sources], np.float64),
-        position_sigma_m=np.array([s.position_sigma_m for s in sources], np.float64),
-        velocity_sigma_m_s=np.array([s.velocity_sigma_m_s for s in sources], np.float64),
-        patience_s=np.array([s.patience_s for s in sources], np.float64),
-    )
+AnySensor = Radar | Station | Sonar | TrackSource
 
 
-def _radars(radars: Sequence[Radar], region: Array) -> Radars:
-    return Radars(
-        name=_names(radars),
-        region=region,
-        site_deg=_sites(radars),
-        range_m=_column(radars, "range_nm") * NAUTICAL_MILE_M,
-        period_s=60.0 / _column(radars, "rpm"),
-        range_sigma_m=_column(radars, "range_noise_m"),
-        azimuth_sigma_rad=np.radians(_column(radars, "azimuth_noise_deg")),
-    )
-
-
-def _sonars(sonars: Sequence[Sonar]) -> Sonars:
-    return Sonars(
-        name=_names(sonars),
-        site_deg=_sites(sonars),
-        range_m=_column(sonars, "range_nm") * NAUTICAL_MILE_M,
-        bearing_sigma_rad=np.radians(_column(sonars, "bearing_noise_deg")),
-        interval_s=_column(sonars, "interval_s"),
-        arc_from_deg=_column(sonars, "arc_from_deg"),
-        arc_to_deg=_column(sonars, "arc_to_deg"),
-    )
-
-
-def _names(sensors: Sequence[Radar | Station | Sonar]) -> Array:
+def _names(sensors: Sequence[AnySensor]) -> Array:
     return np.array([s.name for s in sensors], "U32")
 
 
-def _column(sensors: Sequence[Radar | Station | Sonar], field: str) -> Floats:
+def _column(sensors: Sequence[AnySensor], field: str) -> Floats:
     return np.array([getattr(s, field) for s in sensors], np.float64)
 
 
-def _sites(sensors: Sequence[Radar | Station | Sonar]) -> Floats:
+def _sites(sensors: Sequence[AnySensor]) -> Floats:
+    """(N, 2); NaN where a position is not set."""
     return np.array([[s.latitude_deg, s.longitude_deg] for s in sensors], np.float64).reshape(-1, 2)
 
 

@@ -41,8 +41,9 @@ def bound(truth: Trajectories, radar: RadarReports, ais: AisReports, noise: Nois
     """
     known = np.isfinite(truth.kick_m_s)
     anchor = truth.position_deg[:, 0]
+    vessels, instant = np.indices((len(truth.vessel), len(time_s))).reshape(2, -1)
     parts = [
-        _instants(truth, time_s),
+        _without_measurement(vessels, time_s[instant], INSTANT, instant),
         _kicks(truth),
         _from_radar(truth, radar, noise, anchor),
         *_from_ais(truth, ais, noise, anchor),
@@ -52,13 +53,6 @@ def bound(truth: Trajectories, radar: RadarReports, ais: AisReports, noise: Nois
     place = from_plane(position, anchor[:, None])
     velocity = np.einsum("vtji,vtj->vti", turn(place, anchor[:, None]), velocity)
     return Bound(place, velocity, covariance)
-
-
-def _instants(truth: Trajectories, time_s: Floats) -> Events:
-    """Every vessel at every instant."""
-    row = np.repeat(np.arange(len(truth.vessel)), len(time_s))
-    instant = np.tile(np.arange(len(time_s)), len(truth.vessel))
-    return _without_measurement(row, time_s[instant], INSTANT, instant)
 
 
 def _kicks(truth: Trajectories) -> Events:

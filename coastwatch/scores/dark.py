@@ -62,8 +62,10 @@ def watch(
     settled = [_silent(may_be_silent, truth, now_s - ago, ais) for ago in np.linspace(0.0, SETTLED_S, LOOKS)]
     due = np.full(len(truth.vessel), now_s - SETTLED_S >= truth.time_s[0])
     for then, row in settled:
+        in_cover = within_any(then.position_deg, sensors.radars.site_deg, sensors.radars.range_m)
+        in_cover &= within_any(then.position_deg, sensors.stations.site_deg, sensors.stations.range_m)
         there = np.zeros(len(due), np.bool_)
-        there[row[_in_cover(then, sensors)]] = True
+        there[row[in_cover]] = True
         due &= there
     flag = (picture.flags & Flag.DARK) != 0
     flagged = due & np.isin(truth.vessel, picture.origin[flag])
@@ -85,9 +87,3 @@ def _silent(may_be_silent: Ints, truth: Trajectories, time_s: float, ais: AisRep
     lo, hi = np.searchsorted(ais.received_s, [time_s - SILENT_FOR_S, time_s], side="right")
     silent = there.take(np.isin(there.vessel, may_be_silent) & ~np.isin(there.vessel, ais.origin[lo:hi]))
     return silent, rows_of(truth.vessel, silent.vessel)
-
-
-def _in_cover(there: Truth, sensors: Sensors) -> Bools:
-    """Which vessels are in range of a radar and of an AIS station. (V,)"""
-    seen = within_any(there.position_deg, sensors.radars.site_deg, sensors.radars.range_m)
-    return seen & within_any(there.position_deg, sensors.stations.site_deg, sensors.stations.range_m)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -110,7 +110,7 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
     return _watched(tally, recording.truth, cycle, recording.whole().ais, recording.silenced, sensors) if known else tally
 
 
-def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, Any]:
+def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, dict[str, float | int | None]]:
     """All scores, by stage; empty where there is no truth. A figure with nothing to count is None."""
     if recording.truth is None:
         return {}
@@ -123,8 +123,8 @@ def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, An
         "ais": tally.ais,
     }
     return {
-        "associations": _decisions(tally.associations),
-        "bearing_associations": _decisions(tally.bearing_associations),
+        "associations": {**_decisions(tally.associations)},
+        "bearing_associations": {**_decisions(tally.bearing_associations)},
         "fused_tracks": {
             **tally.fused.as_dict(),
             **{f"{part}_{name}": value for part, made in parts.items() for name, value in made.as_dict().items()},
@@ -185,8 +185,12 @@ def _bound_errors(tally: Tally, recording: Recording, ais: AisReports) -> Errors
         now = truth.at(time_s)
         at, row = rows_of(now.vessel, origin), rows_of(few.vessel, origin)
         known = np.isfinite(best.position_deg[row, t, 0])
-        estimate = best.position_deg[row, t][known], best.velocity_m_s[row, t][known]
-        total += errors(*estimate, now.position_deg[at][known], now.velocity_m_s[at][known])
+        total += errors(
+            best.position_deg[row, t][known],
+            best.velocity_m_s[row, t][known],
+            now.position_deg[at][known],
+            now.velocity_m_s[at][known],
+        )
     return total
 
 

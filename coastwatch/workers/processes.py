@@ -7,16 +7,15 @@ import signal
 import threading
 import time
 from collections import defaultdict
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
-from typing import Any
 
 import numpy as np
 
 from coastwatch.batches import Array
-from coastwatch.stage import Arrays, Groups, Work, serial
+from coastwatch.stage import Arrays, Groups, S, Work, serial
 from coastwatch.workers.costs import Costs, deal
 from coastwatch.workers.malloc import keep_freed_memory
 from coastwatch.workers.shared_memory import Published, Publisher, Reader
@@ -53,7 +52,7 @@ class Processes:
         for publisher in self._publishers.values():
             publisher.close()
 
-    def __call__(self, work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
+    def __call__(self, work: Work[S], settings: S, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
         """The result of work(settings, arrays, chunk) for each chunk. Chunks hold every spot once."""
         if len(spots) < 2:
             return serial(work, settings, arrays, spots)
@@ -68,14 +67,12 @@ class Processes:
         return [each[1] if each else work(settings, arrays, chunk) for each, chunk in zip(done, chunks, strict=True)]
 
     def _over_pool(
-        self, work: Work, settings: Any, kind: str, published: Published, chunks: list[Groups]
+        self, work: Work[S], settings: S, kind: str, published: Published, chunks: list[Groups]
     ) -> list[tuple[float, tuple[Array, ...]] | None]:
         """Seconds and result of each chunk; None if its process was lost. Raises: the error of the work."""
         done: list[tuple[float, tuple[Array, ...]] | None] = []
         try:
-            futures: list[Future[Any]] = [
-                self._pool.submit(_carry_out, work, settings, kind, published, chunk) for chunk in chunks
-            ]
+            futures = [self._pool.submit(_carry_out, work, settings, kind, published, chunk) for chunk in chunks]
         except BrokenProcessPool:
             futures = []
         for future in futures:
@@ -93,7 +90,7 @@ class Processes:
 _readers: dict[str, Reader] = defaultdict(Reader)  # in a process of the pool: of each kind of work
 
 
-def _carry_out(work: Work, settings: Any, kind: str, published: Published, chunk: Groups) -> tuple[float, tuple[Array, ...]]:
+def _carry_out(work: Work[S], settings: S, kind: str, published: Published, chunk: Groups) -> tuple[float, tuple[Array, ...]]:
     """Processor seconds and result of the work for a chunk."""
     begun = time.process_time()
     found = work(settings, _readers[kind].views(published), chunk)

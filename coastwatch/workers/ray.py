@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from coastwatch.stage import RegionStep
+from coastwatch.stage import In, Mem, Out, RegionStep
 from coastwatch.workers.malloc import keep_freed_memory
 from coastwatch.workers.processors import processors
 from coastwatch.workers.remote_regions import Lost, RegionHost
@@ -29,7 +29,7 @@ class RegionActor:
 
     def __init__(self) -> None:
         keep_freed_memory()
-        self._host = RegionHost()
+        self._host: RegionHost[Any] = RegionHost()
 
     def joined(self) -> tuple[str, str]:
         """The node that it is on, and the version of the program there."""
@@ -37,15 +37,15 @@ class RegionActor:
 
         return str(ray.get_runtime_context().get_node_id()), version()
 
-    def step(self, region: int, step: RegionStep[Any, Any, Any], memory: Any, given: Sequence[Any]) -> Any:
+    def step(self, region: int, step: RegionStep[Mem, In, Out], memory: Mem | None, given: Sequence[In]) -> tuple[float, Out]:
         """As `RegionHost.step`. Arrays from Ray are read-only, and a step writes into its memory."""
         return self._host.step(region, step, copy.deepcopy(memory), given)
 
-    def memory(self, region: int) -> Any:
+    def memory(self, region: int) -> object:
         """As `RegionHost.memory`."""
         return self._host.memory(region)
 
-    def release(self, region: int) -> Any:
+    def release(self, region: int) -> object:
         """As `RegionHost.release`."""
         return self._host.release(region)
 
@@ -104,7 +104,7 @@ class Actors:
         if self._own_cluster:
             ray.shutdown()
 
-    def ready(self) -> list[Any]:
+    def ready(self) -> list[_Actor]:
         """The actors that have joined. One of another version of the program is refused at the start, and left out later.
 
         Raises: ValueError: at the start an actor runs another version.

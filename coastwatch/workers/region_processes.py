@@ -11,7 +11,7 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from coastwatch.stage import RegionStep
+from coastwatch.stage import In, Mem, Out, RegionStep
 from coastwatch.workers.processes import new_pool
 from coastwatch.workers.remote_regions import Lost, RegionHost
 from coastwatch.workers.shared_memory import Publisher, Reader, Sent, receive, send
@@ -36,7 +36,7 @@ class ProcessHosts:
         for publisher in self._given.values():
             publisher.close()
 
-    def ready(self) -> list[Any]:
+    def ready(self) -> list[ProcessPoolExecutor]:
         """All processes."""
         return list(self._pools)
 
@@ -69,15 +69,16 @@ class ProcessHosts:
             self._found.pop(key).release()
 
 
-_host = RegionHost()  # in a process: its regions
+_host: RegionHost[Any] = RegionHost()  # in a process: its regions
 _given: dict[int, Reader] = defaultdict(Reader)
 _found: dict[int, Publisher] = defaultdict(Publisher)
 
 
-def _step(region: int, step: RegionStep[Any, Any, Any], memory: Any, cycles: Sent) -> Sent:
+def _step(
+    region: int, step: RegionStep[Mem, In, Out], memory: Mem | None, cycles: Sent[Sequence[In]]
+) -> Sent[tuple[float, Out]]:
     """The result of `step` of this process's `RegionHost`."""
-    given: Sequence[Any] = receive(cycles, _given[region])
-    return send(_host.step(region, step, memory, given), _found[region])
+    return send(_host.step(region, step, memory, receive(cycles, _given[region])), _found[region])
 
 
 def _carry_out(name: str, region: int) -> Any:

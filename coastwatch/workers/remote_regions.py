@@ -11,11 +11,11 @@ import copy
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, cast
 
 import numpy as np
 
-from coastwatch.stage import Out, RegionStep, serial_regions
+from coastwatch.stage import In, Mem, Out, RegionStep, serial_regions
 from coastwatch.workers.costs import deal
 
 REPLAY_S = 1.0  # of processor time that may have to be computed again for the regions of a host
@@ -58,30 +58,30 @@ class Hosts(Protocol):
         ...
 
 
-class RegionHost:
+class RegionHost(Generic[Mem]):
     """The regional centres of one host."""
 
     def __init__(self) -> None:
-        self._memory: dict[int, Any] = {}
+        self._memory: dict[int, Mem] = {}
 
-    def step(self, region: int, step: RegionStep[Any, Any, Any], memory: Any, given: Sequence[Any]) -> tuple[float, Any]:
+    def step(self, region: int, step: RegionStep[Mem, In, Out], memory: Mem | None, given: Sequence[In]) -> tuple[float, Out]:
         """Cycles of a region. Returns: processor seconds, and what the last one yields.
 
         Args: memory: None: after the region's last cycle here; else it may be written into; given: for each cycle.
         """
         begun = time.process_time()
-        output: Any = None
+        output: Out
         memory = self._memory.pop(region) if memory is None else memory
         for more in given:
             memory, output = step(memory, more)
         self._memory[region] = memory
         return time.process_time() - begun, output
 
-    def memory(self, region: int) -> Any:
+    def memory(self, region: int) -> Mem:
         """The memory of a region after its last cycle here."""
         return self._memory[region]
 
-    def release(self, region: int) -> Any:
+    def release(self, region: int) -> Mem:
         """The same, of a region that leaves this host."""
         return self._memory.pop(region)
 
@@ -98,7 +98,7 @@ class _Region:
     current: bool = False  # whether the host has the memory after all that was given
     kept: Kept | None = None  # what was returned for it
 
-    def rebase(self, memory: Any) -> None:
+    def rebase(self, memory: object) -> None:
         """From now on this memory, after all that was given, is the base."""
         self.base, self.since, self.seconds = memory, [], 0.0
 
@@ -114,7 +114,7 @@ class RemoteRegions:
         self._ready: list[Any] = []
         self.lost = 0  # hosts so far
 
-    def __call__(self, step: RegionStep[Any, Any, Out], memories: Sequence[Any], given: Sequence[Any]) -> list[tuple[Any, Out]]:
+    def __call__(self, step: RegionStep[Mem, In, Out], memories: Sequence[Mem], given: Sequence[In]) -> list[tuple[Mem, Out]]:
         """What step(memory, given) returns for each region, but for the memory, in whose place is a `Kept`.
 
         Raises: ValueError: a `Kept` that is not of the last call; the error of a step.
@@ -134,22 +134,21 @@ class RemoteRegions:
         self._balance()
         for region, more in zip(self._regions, given, strict=True):
             region.since.append(more)
-        begun = [self._call(k, "step", step, *self._to_send(region)) for k, region in enumerate(self._regions)]
+        begun = []
+        for k, region in enumerate(self._regions):  # a memory is sent where the host has not the newest
+            memory, cycles = (None, region.since[-1:]) if region.current else (region.base, region.since)
+            begun.append(self._call(k, "step", step, memory, cycles))
         found = [self._stepped(k, call) for k, call in enumerate(begun)]
         self._shorten_replay()
-        return found
+        return cast("list[tuple[Mem, Out]]", found)  # a `Kept` in place of each memory
 
-    def gather(self, memories: Sequence[Any]) -> list[Any]:
+    def gather(self, memories: Sequence[Mem]) -> list[Mem]:
         """The memory of each region after the last call, to be saved and not to be stepped."""
         kept = [k for k, memory in enumerate(memories) if isinstance(memory, Kept)]
         self._fetch([k for k in kept if self._regions[k].since])
         return [self._regions[k].base if isinstance(memory, Kept) else memory for k, memory in enumerate(memories)]
 
-    def _to_send(self, region: _Region) -> tuple[Any, list[Any]]:
-        """The memory for a region's host, None if it has it, and what the region is given after it."""
-        return (None, region.since[-1:]) if region.current else (region.base, region.since)
-
-    def _call(self, k: int, name: str, *given: Any) -> Any:
+    def _call(self, k: int, name: str, *given: object) -> Any:
         """What a region's host has begun; None if it is lost."""
         region = self._regions[k]
         if region.host is None:
@@ -171,7 +170,7 @@ class RemoteRegions:
             self._lose(host)
             return None
 
-    def _lose(self, host: Any) -> None:
+    def _lose(self, host: object) -> None:
         self.lost += 1
         for region in self._regions:
             if region.host is host:
@@ -179,7 +178,7 @@ class RemoteRegions:
         self._ready.remove(host)
         self._hosts.replace(host)
 
-    def _stepped(self, k: int, begun: Any) -> tuple[Kept, Any]:
+    def _stepped(self, k: int, begun: object) -> tuple[Kept, object]:
         """A region's `Kept` and what it yields, from its host, or computed here if that is lost."""
         region, answer = self._regions[k], self._answer(k, begun)
         region.kept = Kept(k, self._cycle)
@@ -191,10 +190,11 @@ class RemoteRegions:
         region.current = True
         return region.kept, output
 
-    def _replay(self, region: _Region) -> Any:
+    def _replay(self, region: _Region) -> object:
         """What a region yields in its last cycle, computed here, with all cycles since the base."""
         assert self._step is not None
-        alone = RegionHost()
+        alone: RegionHost[Any] = RegionHost()
+        output: object
         _, output = alone.step(0, self._step, copy.deepcopy(region.base), region.since)
         region.rebase(alone.memory(0))
         return output

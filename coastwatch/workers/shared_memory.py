@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from multiprocessing.shared_memory import SharedMemory
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class Published(NamedTuple):
     """Arrays in a block."""
 
     block: str  # name of the shared memory
-    locations: dict[str, Any]  # of an array, or of each of a tuple of arrays
+    locations: dict[str, Location | tuple[Location, ...]]  # of an array, or of each of a tuple of arrays
 
 
 class Publisher:
@@ -50,7 +50,7 @@ class Publisher:
 
     def publish(self, arrays: Arrays) -> Published:
         """Copy arrays, and tuples of arrays, to shared memory. Raises: OSError: the system has not enough of it."""
-        locations: dict[str, Any] = {}
+        locations: dict[str, Location | tuple[Location, ...]] = {}
         to_copy: list[tuple[Location, Array]] = []
         size = 0
         for name, given in arrays.items():
@@ -92,17 +92,19 @@ class Reader:
     def __init__(self) -> None:
         self._block: SharedMemory | None = None
 
-    def views(self, published: Published) -> dict[str, Any]:
+    def views(self, published: Published) -> dict[str, Array | tuple[Array, ...]]:
         """The arrays by name, read-only. They hold until the publisher is called again."""
         block = self._block
         if block is None or block.name != published.block:
             if block is not None:
                 block.close()
             block = self._block = SharedMemory(published.block)
-        arrays: dict[str, Any] = {}
+        arrays: dict[str, Array | tuple[Array, ...]] = {}
         for name, location in published.locations.items():
             several = (location,) if isinstance(location, Location) else location
-            views = tuple(_read_only(each.view(block)) for each in several)
+            views = tuple(each.view(block) for each in several)
+            for view in views:
+                view.flags.writeable = False
             arrays[name] = views[0] if isinstance(location, Location) else views
         return arrays
 
@@ -114,24 +116,23 @@ class Reader:
             self._block = None
 
 
-class Sent(NamedTuple):
+T = TypeVar("T")
+
+
+class Sent(NamedTuple, Generic[T]):
     """Plain data in shared memory: its tree, see `coastwatch.batches.plain_data`, and its arrays."""
 
-    tree: Any
+    tree: object
     arrays: Published
 
 
-def send(value: Any, publisher: Publisher) -> Sent:
+def send(value: T, publisher: Publisher) -> Sent[T]:
     """Copy plain data of batches to shared memory. Raises: TypeError: other data; OSError: the system has not enough of it."""
     tree, arrays = to_tree(value, BATCHES)
     return Sent(tree, publisher.publish({"arrays": tuple(arrays)}))
 
 
-def receive(sent: Sent, reader: Reader) -> Any:
+def receive(sent: Sent[T], reader: Reader) -> T:
     """The value that was sent, with arrays of its own. Args: reader: of the publisher."""
-    return from_tree(sent.tree, [view.copy() for view in reader.views(sent.arrays)["arrays"]], BATCHES)
-
-
-def _read_only(array: Array) -> Array:
-    array.flags.writeable = False
-    return array
+    value: T = from_tree(sent.tree, [view.copy() for view in reader.views(sent.arrays)["arrays"]], BATCHES)
+    return value
