@@ -41,7 +41,7 @@ def gate_arrays(tracks: Tracks, spots: Spots, gate_m: float) -> dict[str, Array]
     return {"place": place, "halo_start": halo.start, "halo_spot": spots.halo_spot[halo.row], "crowds": of_crowds}
 
 
-def passed_pairs(work: Work, settings: Any, arrays: Arrays, given: AssociationInput) -> PassedPairs:
+def passed_pairs(work: Work[Any], settings: Any, arrays: Arrays, given: AssociationInput) -> PassedPairs:
     """The pairs that `work` lets pass, each once.
 
     Args: work: gives rows of the first and second track, what it measured, and (1,) how many it tested; arrays: of `gate_arrays`.

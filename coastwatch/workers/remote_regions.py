@@ -136,8 +136,8 @@ class RemoteRegions:
             region.since.append(more)
         begun = []
         for k, region in enumerate(self._regions):  # a memory is sent where the host has not the newest
-            memory, cycles = (None, region.since[-1:]) if region.current else (region.base, region.since)
-            begun.append(self._call(k, "step", step, memory, cycles))
+            base, cycles = (None, region.since[-1:]) if region.current else (region.base, region.since)
+            begun.append(self._call(k, "step", step, base, cycles))
         found = [self._stepped(k, call) for k, call in enumerate(begun)]
         self._shorten_replay()
         return cast("list[tuple[Mem, Out]]", found)  # a `Kept` in place of each memory
