@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from coastwatch import kernels
 from coastwatch.associations.inputs import AssociationInput
 from coastwatch.batches import Array, Associations, Bools, Floats, Ints, Spots, Tracks
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Arrays, Groups, Work
+from coastwatch.stage import Arrays, Groups, S, Work
 
 LEAST_TRACKS = 1024  # for a thread
 MOST_NEAR = 512
@@ -41,7 +41,7 @@ def gate_arrays(tracks: Tracks, spots: Spots, gate_m: float) -> dict[str, Array]
     return {"place": place, "halo_start": halo.start, "halo_spot": spots.halo_spot[halo.row], "crowds": of_crowds}
 
 
-def passed_pairs(work: Work[Any], settings: Any, arrays: Arrays, given: AssociationInput) -> PassedPairs:
+def passed_pairs(work: Work[S], settings: S, arrays: Arrays, given: AssociationInput) -> PassedPairs:
     """The pairs that `work` lets pass, each once.
 
     Args: work: gives rows of the first and second track, what it measured, and (1,) how many it tested; arrays: of `gate_arrays`.

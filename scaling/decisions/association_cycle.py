@@ -23,7 +23,7 @@ from coastwatch.kernels.association.pair_score import pair_scores
 from coastwatch.kernels.association.places import sorted_places
 from coastwatch.kernels.association.prune_pairs import hopeless_steps, possible_pairs, track_bounds
 from coastwatch.operators.cli.arguments import count
-from coastwatch.stage import Arrays, Groups, Work, serial
+from coastwatch.stage import Arrays, Groups, S, Work, serial
 from scaling.load import national
 
 REPEATS = 5
@@ -40,7 +40,7 @@ def last_cycle(tracks_asked: int, cycles: int) -> Cycle:
     spots_memory, memory = scenario.spots.init(), method.init()
     given: list[tuple[dict[str, Any], Groups]] = []
 
-    def noted(work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
+    def noted(work: Work[S], settings: S, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
         given[:] = [(dict(arrays), spots)]
         return serial(work, settings, arrays, spots)
 
