@@ -11,7 +11,7 @@ from coastwatch.associations.inputs import AssociationInput
 from coastwatch.associations.windowed_covariance import WindowedCovariance
 from coastwatch.associations.windowed_covariance_literal import WindowedCovarianceLiteral
 from coastwatch.batches import Array, Associations, Floats, Ints
-from coastwatch.stage import Arrays, Groups, S, Work, serial
+from coastwatch.stage import Arrays, Groups, Work, serial
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ def step_with_candidates(
     opened = method.model_copy(update={"confidence": 1.0} if literal else {"threshold": -np.inf})
     scored: list[tuple[Array, ...]] = []
 
-    def twice(work: Work[S], settings: S, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
+    def twice(work: Work[Any], settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
         scored.extend(serial(work, opened, arrays, spots))
         return serial(work, settings, arrays, spots)
 
