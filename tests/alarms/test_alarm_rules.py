@@ -32,6 +32,8 @@ from coastwatch.batches import (
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg
 from coastwatch.server.checkpoint import load, save
 
+pytestmark = pytest.mark.contract
+
 PERIOD_S = 3.0
 SITE = np.array([-17.0, 179.98])  # Fiji: zones lie across the antimeridian
 RULES = AlarmRules(

@@ -17,6 +17,8 @@ from coastwatch.operators import recorded
 from coastwatch.scenario import Scenario, make_scenario
 from coastwatch.stage import serial
 
+pytestmark = pytest.mark.whole
+
 BEGIN_S = 1_780_000_000.0
 STATION = np.array([-22.9, -43.1])
 REPORTS_S = 10.0

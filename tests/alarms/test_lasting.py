@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 
 from coastwatch.alarms.lasting import KEYS, Holding, Lasting, extend
 
+pytestmark = pytest.mark.contract
+
 KEY = np.array([5 * KEYS + 3])
 NONE = np.zeros(0, np.int64)
 

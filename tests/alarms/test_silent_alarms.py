@@ -36,6 +36,8 @@ from coastwatch.batches import (
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.server.checkpoint import load, save
 
+pytestmark = pytest.mark.contract
+
 WAIT = 5  # cycles from the last plot until the radar is silent
 
 

@@ -19,6 +19,8 @@ from coastwatch.server.checkpoint import save
 from coastwatch.stage import serial
 from coastwatch.workers import open_workers
 
+pytestmark = pytest.mark.oracle
+
 ORIGINS = ((-23.0, 179.998), (60.0, 5.0), (-84.9, -20.0), (0.0, 0.0))
 PERIOD_S = 3.0
 

@@ -20,6 +20,8 @@ from coastwatch.server.checkpoint import load, save
 from coastwatch.spots import KMeansSpots
 from coastwatch.stage import serial
 
+pytestmark = pytest.mark.contract
+
 VARIANTS = {
     "literal one-to-one": WindowedCovarianceLiteral(one_to_one=True, threshold="hotelling"),
     "test recursive": SingleScanTest(dependence="recursive"),

@@ -23,6 +23,8 @@ from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import Groups, NoMemory, serial
 from coastwatch.workers import open_workers
 
+pytestmark = pytest.mark.contract
+
 METHODS = methods_in(BearingAssociator)
 
 

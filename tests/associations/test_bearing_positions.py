@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from bearing_run import SEED
 
 from coastwatch.associations.bearing_likelihood import PositionHistory
 from coastwatch.batches import Floats, Ints
+
+pytestmark = pytest.mark.contract
 
 
 def rows(values: Floats) -> Floats:

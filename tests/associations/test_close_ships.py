@@ -15,6 +15,8 @@ from coastwatch.spots import KMeansSpots
 from coastwatch.stage import serial
 from coastwatch.tracks import AisInput, RegionInput
 
+pytestmark = pytest.mark.contract
+
 SEED = 2003  # no setting was chosen on it
 HEARD_S = 9.0  # after the start of a run
 COLD = (

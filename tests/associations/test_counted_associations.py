@@ -19,6 +19,8 @@ from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.fusion import cross_covariance
 from coastwatch.stage import serial
 
+pytestmark = pytest.mark.oracle
+
 CYCLES, VESSELS = 25, 5
 ORIGIN = np.array([59.0, 179.9999])
 PASSED = {0.01: 13.2767, 0.001: 18.4668, 0.9: 1.0636}  # chi-square, 4 degrees of freedom, from any table

@@ -21,6 +21,8 @@ from coastwatch.server.checkpoint import save
 from coastwatch.spots import KMeansSpots
 from coastwatch.stage import serial
 
+pytestmark = pytest.mark.contract
+
 NEAREST = WindowedCovarianceLiteral()
 WIDE = WindowedCovarianceLiteral(confidence=0.9999, one_to_one=True)
 HOTELLING = WindowedCovarianceLiteral(confidence=0.999, one_to_one=True, threshold="hotelling")

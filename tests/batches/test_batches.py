@@ -15,6 +15,8 @@ from coastwatch.batches import (
     Trajectories,
 )
 
+pytestmark = pytest.mark.contract
+
 
 def members(n):
     return Members(np.arange(n), np.arange(n) + 10, np.zeros(n, np.int64))

@@ -11,6 +11,8 @@ from coastwatch.batches import ALARM_KINDS, AlarmKind, Flag
 from coastwatch.batches.kinds import DISTRESS, EVENT_KINDS, IS_ALARM, KINDS, NOTICE, PRIORITIES, Subject
 from coastwatch.server.alarm_book import AlarmKey, id_of, key_of
 
+pytestmark = pytest.mark.contract
+
 CHECK_SQL = Path(__file__).parents[2] / "db" / "check.sql"
 EVERY = [pytest.param(number, id=EVENT_KINDS[number]) for number in KINDS]
 

@@ -16,6 +16,8 @@ from coastwatch.cycle import dropped, run_cycle, start_run
 from coastwatch.scenario import load_scenario
 from coastwatch.stage import serial, serial_regions
 
+pytestmark = pytest.mark.contract
+
 SCENARIO = load_scenario("guanabara", {"input.count": "12"})
 SENSORS, PLAN = SCENARIO.sensors(), SCENARIO.plan()
 

@@ -22,6 +22,8 @@ from coastwatch.cover.learnt import CoverMemory
 from coastwatch.geodesy import from_plane
 from coastwatch.server import checkpoint
 
+pytestmark = pytest.mark.contract
+
 SITE = np.array([[54.0, 10.0]])
 RANGE_M, PERIOD_S = 8000.0, 3.0
 SENSORS = Sensors(

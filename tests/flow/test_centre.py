@@ -13,6 +13,8 @@ from coastwatch.scenario import load_scenario
 from coastwatch.stage import serial
 from coastwatch.tracks import ConstantVelocity
 
+pytestmark = pytest.mark.contract
+
 
 def random_tracks(count: int, seed: int, now_s: float) -> Tracks:
     rng = np.random.default_rng([seed, 1])

@@ -25,6 +25,8 @@ from coastwatch.scenario.model import StoreSettings
 from coastwatch.server.checkpoint import CheckpointError, Pace, load, save
 from coastwatch.stage import NoMemory, serial
 
+pytestmark = pytest.mark.contract
+
 RAN: list[str] = []
 
 

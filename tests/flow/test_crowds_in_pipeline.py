@@ -8,6 +8,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+import pytest
 
 from coastwatch.centre import Cycle
 from coastwatch.cycle import LEFT_OUT, Memory, dropped, run_cycle, start_run
@@ -17,6 +18,8 @@ from coastwatch.server.input import Paced
 from coastwatch.server.live import CROWD_SHOWN_S, LiveRun
 from coastwatch.server.run import Computed
 from coastwatch.stage import serial
+
+pytestmark = pytest.mark.contract
 
 
 @cache

@@ -18,6 +18,8 @@ from coastwatch.server.checkpoint import load, save
 from coastwatch.stage import serial, serial_regions
 from coastwatch.workers import open_workers
 
+pytestmark = pytest.mark.whole
+
 FAILS, RETURNS, ENDS = 120, 220, 280  # cycles of 3 s
 SILENT = ("ais_silent", "radar_silent", "source_silent")
 PARTS = {"ais": ("ais", "statics"), "radars": ("radar",), "all": ("ais", "statics", "radar", "bearing")}

@@ -21,6 +21,8 @@ from coastwatch.formats.nmea.messages import Assembler, checksums_are_right
 from coastwatch.formats.nmea.payload import NEEDED_BITS, STATIC_BITS_19, decoded
 from coastwatch.formats.nmea.sentences import ReceivedSentence
 
+pytestmark = pytest.mark.golden
+
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 ARMOUR = "".join(chr(c) for c in range(48, 120) if not 88 <= c < 96)
 KINDS = (1, 2, 3, 5, 18, 19, 24, 27)

@@ -20,6 +20,8 @@ from coastwatch.formats.decoding import FeedSettings
 from coastwatch.formats.format import Format, OutSettings, Vessels
 from coastwatch.formats.registry import DECODED, FORMATS, PICTURES
 
+pytestmark = pytest.mark.contract
+
 NOW_S = 1_782_907_200.25
 FORMATS_OF_MODULES = [
     one

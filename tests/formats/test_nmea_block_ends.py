@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 from unittest import mock
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nmea_sentences import T0, sentence, tagged, wire
@@ -18,6 +19,8 @@ from coastwatch.formats.nmea.messages import LONE_PART, MOST_SLOTS, PART_LINES, 
 from coastwatch.formats.nmea.sentences import ais_sentences
 from coastwatch.sensors.recorded.nmea import feed as nmea
 from coastwatch.sensors.recorded.nmea.feed import Nmea
+
+pytestmark = pytest.mark.golden
 
 BLOCK = 20
 SAID = [sentence(mmsi=257000001 + k, lat=10 + k / 100)[0] for k in range(120)]

@@ -13,6 +13,8 @@ from nmea_sentences import ASSUMED, SOUND, T0, checked, read, read_all, sentence
 
 from coastwatch.sensors.recorded.nmea.feed import Nmea
 
+pytestmark = pytest.mark.golden
+
 WIRE_DEG = 1e-5  # the wire carries 1/10000 minute, 1.7e-6 deg; pyais rounds to 1e-6
 
 

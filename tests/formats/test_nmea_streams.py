@@ -15,6 +15,8 @@ from coastwatch.sensors.recorded.nmea import feed as nmea
 from coastwatch.sensors.recorded.nmea.feed import Nmea
 from coastwatch.stage import Plan
 
+pytestmark = pytest.mark.golden
+
 
 def no_sensors() -> Sensors:
     return Sensors(Radars.empty(), Stations.empty(), Sonars.empty(), (), np.zeros((0, 2)))

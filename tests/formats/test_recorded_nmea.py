@@ -12,6 +12,8 @@ from coastwatch.batches import AisReports
 from coastwatch.batches.ais_codes import is_vessel
 from coastwatch.sensors.recorded.nmea.feed import Nmea
 
+pytestmark = pytest.mark.golden
+
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.formats.intake.reception_time import BACKWARDS, FAR, LATE, reception_times, repeated
+
+pytestmark = pytest.mark.contract
 
 STAMPS = st.lists(st.floats(0.0, 500.0).map(lambda t: round(t, 1)), max_size=40)
 

@@ -11,6 +11,8 @@ from coastwatch.fused_tracks import CentralImm, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg, wrap_rad
 from coastwatch.scores.nees import band, nees
 
+pytestmark = pytest.mark.consistency
+
 SITE = np.array([58.0, 10.0])
 VESSELS, PERIOD_S, SIGMA_RAD, PLOT_M = 400, 3.0, np.radians(1.0), 30.0
 NOISE_M2_S3 = 1e-3

@@ -1,6 +1,7 @@
 """`CentralImm` in arrays against one vessel after the other, whatever joins, parts, ends and is not measured."""
 
 import numpy as np
+import pytest
 from as_bytes import as_bytes
 from central_by_vessels import ByVessels
 from hypothesis import given
@@ -11,6 +12,8 @@ from coastwatch.fused_tracks import CentralImm, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import threads
 from coastwatch.server.checkpoint import load, save
+
+pytestmark = pytest.mark.oracle
 
 KINDS = np.array([0, 0, 1], np.int64)  # two regions of radars, AIS
 SITE = np.array([57.9, 179.9])

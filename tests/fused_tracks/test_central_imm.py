@@ -8,6 +8,8 @@ from coastwatch.fused_tracks import CentralImm, CovarianceIntersection, FusionIn
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.server.checkpoint import load, save
 
+pytestmark = pytest.mark.contract
+
 KINDS = np.array([0, 0, 1], np.int64)  # two regions of radars, AIS
 PERIOD_S = 3.0
 HOME = np.array([58.0, 179.99])

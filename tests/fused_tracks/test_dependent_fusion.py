@@ -14,6 +14,8 @@ from coastwatch.kernels.fusion import cross_covariance
 from coastwatch.reproduction import two_filters
 from coastwatch.reproduction.two_filters import TwoFilters
 
+pytestmark = pytest.mark.oracle
+
 NOISE, RADAR_M2, AIS_M2, EVERY = 0.09, 60.0, 9.0, 5
 ORIGIN = np.array([63.0, 10.0])
 ROUNDING = 1e-6  # of positions in degrees and back

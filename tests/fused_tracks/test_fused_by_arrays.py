@@ -13,6 +13,8 @@ from coastwatch.fused_tracks import Convex, CovarianceIntersection, FusionInput,
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import threads
 
+pytestmark = pytest.mark.oracle
+
 KINDS = np.array([0, 0, 1], np.int64)
 SIGMA_M_S = 0.7
 ROUNDING = 1e-9  # of the largest number of a covariance

@@ -20,6 +20,8 @@ from coastwatch.fused_tracks.imm_of_tracks_literal import Window
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.server.checkpoint import load, save
 
+pytestmark = pytest.mark.contract
+
 METHODS = [
     *methods_in(Fuser),
     Convex(registration=0.1),

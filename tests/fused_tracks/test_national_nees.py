@@ -12,6 +12,8 @@ from coastwatch.geodesy import difference_m
 from coastwatch.scores.nees import band, nees
 from scaling.load import national
 
+pytestmark = pytest.mark.consistency
+
 CHANCE, DIMENSION, TRACKS = 1e-6, 4, 6000
 CYCLES = (0, 12)  # fresh tracks, and errors that have lasted
 

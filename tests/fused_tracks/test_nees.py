@@ -21,6 +21,8 @@ from coastwatch.scores.nees import band, nees
 from coastwatch.scores.rmse import rows_of, whole_vessels
 from coastwatch.server.run import run_scenario
 
+pytestmark = pytest.mark.consistency
+
 SEEDS = (2001, 2002)
 CHANCE = 1e-6
 DIMENSION = 4

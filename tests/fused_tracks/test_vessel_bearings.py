@@ -25,6 +25,8 @@ from coastwatch.geodesy import difference_m, offset_deg, wrap_rad
 from coastwatch.picture import Identity, PictureInput
 from coastwatch.server.checkpoint import load, save
 
+pytestmark = pytest.mark.contract
+
 HOME = np.array([-23.0, -43.1])
 SONAR = offset_deg(HOME, np.array([0.0, -4000.0]))
 VELOCITY = np.array([4.0, 1.0])

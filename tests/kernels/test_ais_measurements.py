@@ -1,11 +1,14 @@
 """What an AIS report measures, and to which track it went, one report after the other against arrays of numpy."""
 
 import numpy as np
+import pytest
 
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.filters.ais_tracker import REPORT, measured, nearest_tracks
 from coastwatch.tracks import AisFilter
 from coastwatch.tracks.ais.out_of_sequence import SLOTS
+
+pytestmark = pytest.mark.oracle
 
 NOW_S = 1e9
 ROUNDING = 1e-12  # of a covariance: cos c^2 against 1 - sin c^2

@@ -10,6 +10,8 @@ from scipy.optimize import linear_sum_assignment
 
 from coastwatch.kernels.association.assignment import LARGEST, assign
 
+pytestmark = pytest.mark.oracle
+
 ROUNDING = 1e-9  # sums of a few gains of order 1
 
 

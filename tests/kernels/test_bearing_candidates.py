@@ -18,6 +18,8 @@ from coastwatch.kernels.bearings.candidates import (
     vessels_by_octant,
 )
 
+pytestmark = pytest.mark.oracle
+
 SENSORS, VESSELS = 4, 90
 
 

@@ -13,6 +13,8 @@ from coastwatch.kernels.bearings.likelihood import Hypotheses, TrackPairs, log_o
 from coastwatch.kernels.bearings.null_hypothesis import UnknownVessel, unknown_log_density
 from coastwatch.kernels.bearings.windows import BearingWindows, PositionWindows
 
+pytestmark = pytest.mark.oracle
+
 ROUNDING = 1e-6  # log density: the dense form inverts a matrix of condition 1e6
 FLAT = 1e5  # rad^2, variance that stands for a flat offset in the dense form
 FLAT_ERROR = 1e-4  # what that costs

@@ -7,6 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.contract
+
 
 def test_no_kernel_reads_beyond_an_array_over_odd_but_accepted_reports(tmp_path: Path) -> None:
     """numba checks indices only where it is asked to, when it compiles: a process and a cache of its own."""

@@ -12,6 +12,8 @@ from coastwatch.kernels.association.candidate_pairs import candidate_pairs
 from coastwatch.kernels.association.crowds import no_crowds
 from coastwatch.kernels.association.places import sorted_places
 
+pytestmark = pytest.mark.oracle
+
 
 def points(seed, n, reach_m):
     """Clusters as wide as the reach: at the equator, near the poles, on the antimeridian, anywhere."""

@@ -13,6 +13,8 @@ from coastwatch.kernels.association.candidate_pairs import candidate_pairs
 from coastwatch.kernels.association.crowds import STEPS, WIDE, find_crowds
 from coastwatch.kernels.association.places import sorted_places
 
+pytestmark = pytest.mark.oracle
+
 
 def found_pairs(position, source, gate_m, most, rank=None):
     """Rows of pairs, the distance to which each row is compared, and the crowds."""

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from coastwatch import geodesy
 from coastwatch.kernels.geometry import ellipsoid
 
+pytestmark = pytest.mark.oracle
+
 POSITION_M = 1e-5  # rounding of Earth-centred coordinates (1e-9) grows by the cosecant of the slope near the poles
 ROUNDING_M = 1e-8
 OFFSET_M = 1e-6  # what two rounds of the inverse leave at 100 km

@@ -12,6 +12,8 @@ from tracker_world import columns_of, estimates_of
 from coastwatch.kernels.tracks import gate
 from coastwatch.kernels.tracks.columns import CONFIRMED, SINGLE
 
+pytestmark = pytest.mark.oracle
+
 LIMIT, LATE = 13.8, 5.0
 
 

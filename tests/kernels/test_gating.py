@@ -8,6 +8,8 @@ from scipy.stats import chi2
 
 from coastwatch.kernels.filters.gaussian import gate, squared_distance
 
+pytestmark = pytest.mark.oracle
+
 
 @pytest.mark.parametrize("dimensions", [1, 2, 4])
 @pytest.mark.parametrize("probability", [0.5, 0.99, 0.9999])

@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 
 from coastwatch import geodesy
 
+pytestmark = pytest.mark.oracle
+
 INSIDE_GATE_M = 0.1  # promised by DESIGN.md section 3 for differences inside the gate
 ROUNDING_M = 1e-6
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.geometry import grid
+
+pytestmark = pytest.mark.oracle
 
 
 def scene(n: int, m: int, seed: int):

@@ -3,10 +3,13 @@
 import copy
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coastwatch.kernels.association.history import History
+
+pytestmark = pytest.mark.oracle
 
 WINDOW = 4
 

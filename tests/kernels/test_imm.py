@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from coastwatch.kernels.filters import motion_models
 from coastwatch.kernels.filters.imm import FLOOR, estimate_filters, predict_filters, update_filters
 
+pytestmark = pytest.mark.oracle
+
 ROUNDING = 1e-9  # relative to the largest element of its kind: condition numbers here are below 1e6
 NUMERIC_JACOBIAN = 2e-6  # relative: the oracle takes derivatives by differences
 

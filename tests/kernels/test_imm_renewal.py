@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import imm_textbook as textbook
 import numpy as np
+import pytest
 import renewal_textbook as renewed
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,6 +22,8 @@ from coastwatch.kernels.filters.imm import (
 )
 from coastwatch.kernels.filters.motion_models import SPEEDING, STRAIGHT, TURNING
 from coastwatch.kernels.tracks.columns import PlotColumns
+
+pytestmark = pytest.mark.oracle
 
 ROUNDING = 1e-9  # relative to the largest element of its kind
 KIND, NOISE, MEAN, SIGMA, DRIFT, PRIOR = range(6)  # columns of a model of the oracle

@@ -15,6 +15,8 @@ from coastwatch.kernels.tracks.columns import ExistenceColumns, PlotColumns, Rad
 from coastwatch.kernels.tracks.existence import ExistenceChain, after, count_missed_looks, missed, predict_existence
 from coastwatch.kernels.tracks.joint_update import Hypotheses, predict_to_plots, update_by_shares
 
+pytestmark = pytest.mark.oracle
+
 ROUNDING = 1e-10
 TIME = 7.0
 CHAIN = ExistenceChain(end=0.01, hide=0.06, show=0.3)

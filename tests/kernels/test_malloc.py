@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.contract
+
 CYCLES = """
 import resource
 import threading

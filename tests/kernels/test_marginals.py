@@ -10,6 +10,8 @@ from marginals_textbook import by_enumeration, by_sum_product
 
 from coastwatch.kernels.association.marginals import marginals, sum_product
 
+pytestmark = pytest.mark.oracle
+
 EXACT = 10
 ROUNDING = 1e-12
 SETTLED = 1e-7  # sum-product stops when no message changes by 1e-9

@@ -1,11 +1,14 @@
 """Rows of ids among other ids, and rows in groups, against dictionaries and numpy."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.tables.counting_sort import counting_sort, preferred
 from coastwatch.kernels.tables.match_ids import LOOK_AHEAD, index_of, match_ids
+
+pytestmark = pytest.mark.oracle
 
 IDS = st.lists(st.integers(-(2**62), 2**62), max_size=40, unique=True)
 

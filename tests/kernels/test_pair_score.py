@@ -11,6 +11,8 @@ from coastwatch.kernels.association.candidate_pairs import PAIR
 from coastwatch.kernels.association.pair_features import ENTRY, TRACK
 from coastwatch.kernels.association.pair_score import Rule, pair_scores, sample_statistics
 
+pytestmark = pytest.mark.oracle
+
 ROUNDING = 1e-9  # relative; the differences are of degrees, 1e-9 of a metre is 1e-14 of a degree
 
 

@@ -11,6 +11,8 @@ from scipy.optimize import linear_sum_assignment
 from coastwatch.kernels.tracks.columns import CONFIRMED, SINGLE, TENTATIVE, Candidates
 from coastwatch.kernels.tracks.plot_assignment import assign_plots
 
+pytestmark = pytest.mark.oracle
+
 
 def pairs_of(plot, track):
     plot, track = np.asarray(plot, np.int64), np.asarray(track, np.int64)

@@ -9,6 +9,8 @@ from coastwatch.geodesy import from_plane, offset_deg, to_plane, turn
 from coastwatch.kernels.geometry.radar_plane import to_region
 from tests.oracles.polar_textbook import polar_to_plane
 
+pytestmark = pytest.mark.oracle
+
 DRAWS = 200_000
 POSITION_M = 1e-6  # rounding of Earth-centred coordinates, twice
 COVARIANCE = 1e-9  # of its trace: the same formula, other order of operations

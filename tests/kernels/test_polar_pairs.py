@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from coastwatch.geodesy import from_plane, offset_deg, to_plane, turn, wrap_rad
 from coastwatch.kernels.association.polar_pairs import differences, near_pairs, sweeps
 
+pytestmark = pytest.mark.oracle
+
 EDGE = 1e-9  # m, rad: pairs so near the limit of the search may be in or out
 DIFFERENCE_M, DIFFERENCE_RAD, VARIANCE_M2 = 1e-6, 1e-9, 1e-6  # rounding of Earth-centred coordinates
 

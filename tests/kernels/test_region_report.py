@@ -12,6 +12,8 @@ from coastwatch.kernels.tracks import report
 from coastwatch.kernels.tracks.columns import RadarColumns
 from tests.oracles.polar_textbook import polar_to_plane
 
+pytestmark = pytest.mark.oracle
+
 ROUNDING_DEG = 1e-11  # 1 micrometre
 ROUNDING_M2 = 1e-6  # differences of squares of distances of 1e4 m
 

@@ -11,6 +11,8 @@ from coastwatch.geodesy import SEMI_MAJOR_M, axes, earth_centred, offset_deg, wi
 from coastwatch.kernels.geometry.sensor_coverage import SLACK_M, coverage_of, in_any_range, pairs_in_range
 from coastwatch.kernels.threads import threads
 
+pytestmark = pytest.mark.oracle
+
 
 def offsets(position: np.ndarray, site: np.ndarray) -> np.ndarray:
     """East, north and up of each position from each site. Returns: (V, R, 3)."""

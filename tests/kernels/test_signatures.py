@@ -11,6 +11,8 @@ from coastwatch.associations.bearing_sensors import ShipTypes, class_log_odds
 from coastwatch.batches import CLASS_OF_TYPE, CLASSES, AisStatics, VesselClass
 from coastwatch.kernels.bearings.signatures import check_confusion, even_confusion, log_likelihood
 
+pytestmark = pytest.mark.oracle
+
 SKEW = np.array([[0.7, 0.2, 0.1], [0.3, 0.6, 0.1], [0.05, 0.15, 0.8]])  # asymmetric: rows are true, columns said
 ROUNDING = 1e-12
 

@@ -12,6 +12,8 @@ import pytest
 
 from coastwatch.kernels.threads import MOST_NICE, NICE, blocks, in_blocks, over_threads, threads
 
+pytestmark = pytest.mark.contract
+
 
 @pytest.mark.parametrize("count", [1, 2, 3, 7])
 def test_every_range_is_taken_once_and_told_in_order(count: int) -> None:

@@ -12,6 +12,8 @@ from coastwatch.kernels.tracks.columns import CONFIRMED, SINGLE, RadarColumns, T
 from coastwatch.kernels.tracks.duplicates import possible_duplicates
 from coastwatch.kernels.tracks.track_life import LifeRules, confirm_and_find_lost, record
 
+pytestmark = pytest.mark.oracle
+
 RULES = LifeRules(4, 5, 5, 0.5, 0.1, 30.0, own_looks=False)
 BOTH = np.arange(2)
 NOW = 20.0

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import imm_textbook
 import numpy as np
+import pytest
 import velocity_jumps_textbook as jumps_textbook
 from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.filters import motion_models
 from coastwatch.kernels.filters.fused_filters import estimate, update
+
+pytestmark = pytest.mark.oracle
 
 SIMILAR = 1e-5  # of the largest of its kind: the oracle takes derivatives by differences, which errs by 2e-6 a step
 ROUNDING = 1e-9

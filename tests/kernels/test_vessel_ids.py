@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.tracks.columns import NAMES, VesselIds
 from coastwatch.kernels.tracks.vessel_ids import IDS, likelihoods, update
+
+pytestmark = pytest.mark.oracle
 
 CORRECT = 0.9
 ROUNDING = 1e-6  # the kernel counts one id more or less among the others, of 1e9

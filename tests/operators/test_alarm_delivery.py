@@ -29,6 +29,8 @@ from coastwatch.server.alarm_book import AlarmBook, Chosen
 from coastwatch.server.link import Backoff
 from coastwatch.store import open_store
 
+pytestmark = pytest.mark.whole
+
 NUMBER = {name: number for number, name in EVENT_KINDS.items()}
 OVERBOARD = 970_001
 

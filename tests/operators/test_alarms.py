@@ -18,6 +18,8 @@ from coastwatch.operators.api import alarm_stream
 from coastwatch.server.alarm_book import Alarm
 from coastwatch.store import Rows
 
+pytestmark = pytest.mark.whole
+
 
 def test_an_acknowledgement_is_told_at_once_and_the_stream_ends_with_the_server(
     changing: Served, monkeypatch: pytest.MonkeyPatch

@@ -21,6 +21,8 @@ from coastwatch.operators.api.application import WEB
 from coastwatch.operators.selection import selected
 from coastwatch.store import Table
 
+pytestmark = pytest.mark.whole
+
 
 def test_the_picture_in_three_formats_has_the_same_vessels(served: Served) -> None:
     answer = served.get("/api/v1/picture")

@@ -15,6 +15,8 @@ from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.proxy import trusted
 from coastwatch.operators.api.tokens import Tokens, add
 
+pytestmark = pytest.mark.whole
+
 
 def test_a_change_is_noted_with_who_made_it_and_a_refused_one_is_not(changing: Served, tmp_path: Path) -> None:
     path = tmp_path / "tokens.toml"

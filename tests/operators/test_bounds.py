@@ -26,6 +26,8 @@ from coastwatch.operators.api.application import application
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.tokens import Limits, Tokens, add
 
+pytestmark = pytest.mark.whole
+
 MOST_SENT = 16 << 20
 """A flood that is not ended after so many bytes has no bound."""
 

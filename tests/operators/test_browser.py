@@ -32,7 +32,7 @@ from coastwatch.operators.cli.serving import Followed, bound
 from coastwatch.store import Store, open_store
 from scaling.page.fleet import served_fleet
 
-pytestmark = NEEDS_PAGE
+pytestmark = [pytest.mark.whole, *NEEDS_PAGE]
 
 VESSELS = 60
 SHADE = 4  # of 255, between a colour of the theme and a pixel of it

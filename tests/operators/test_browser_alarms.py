@@ -25,7 +25,7 @@ from coastwatch.stage import Plan
 from coastwatch.store import Rows, begin_run, open_store
 from scaling.page.fleet import NO_SENSORS, Fleet, Simulated
 
-pytestmark = NEEDS_PAGE
+pytestmark = [pytest.mark.whole, *NEEDS_PAGE]
 
 NUMBER = {name: number for number, name in EVENT_KINDS.items()}
 VESSELS, OVERBOARD, SEED = 2_000, 1_234, 5

@@ -24,6 +24,8 @@ from coastwatch.store.processes import this_process
 from coastwatch.store.schema import migrate
 from coastwatch.store.schema.tables import REVISION
 
+pytestmark = pytest.mark.contract
+
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time
 
 

@@ -14,6 +14,8 @@ from coastwatch.batches import Fault, FileContent
 from coastwatch.formats.intake.accounts import UNACCOUNTED
 from coastwatch.operators.cli import main, progress, summary
 
+pytestmark = pytest.mark.contract
+
 TIMEOUT_S = 120
 
 

@@ -20,6 +20,8 @@ from coastwatch.reproduction import html_report
 from coastwatch.spelling import printable
 from coastwatch.store.schema.database import writing
 
+pytestmark = pytest.mark.contract
+
 Rows = namedtuple("Rows", ["columns", "rows"])
 SHIPS = Rows(
     ("vessel_id", "latitude_deg", "longitude_deg", "mmsi", "name"),

@@ -27,6 +27,8 @@ from coastwatch.sensors.recorded.files import has_sentences
 from coastwatch.sensors.recorded.nmea.targets import target_reports
 from coastwatch.sensors.recorded.tables.feed import Tables
 
+pytestmark = pytest.mark.contract
+
 SEED = 4
 SITE = np.array([-17.0, 179.98])  # the ships cross the antimeridian
 START_S = 1_700_000_000.0

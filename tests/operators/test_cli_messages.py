@@ -9,6 +9,8 @@ import pytest
 from coastwatch.operators.cli import main
 from coastwatch.store import open_store
 
+pytestmark = pytest.mark.contract
+
 FOREIGN = re.compile(
     r"pydantic|alembic|sqlalchemy|polars|Errno|codec|Traceback|Input should|Field required|Extra inputs|Error\b"
 )

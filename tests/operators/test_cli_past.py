@@ -13,6 +13,8 @@ from coastwatch.operators.cli import main
 from coastwatch.scenario import load_scenario
 from coastwatch.server.run import run_scenario
 
+pytestmark = pytest.mark.contract
+
 SMALL = {"input.count": "14", "cycles": "6", "warmup_s": "18", "store.recording": "true"}
 BOX = "-24,-44,-22,-42"
 SPAN = ["--bbox", BOX, "--from", "2025-06-01T12:00:10Z", "--to", "2025-06-01T12:00:30Z"]

@@ -17,6 +17,8 @@ from coastwatch.errors import InputError
 from coastwatch.geodesy import offset_deg, wrap_deg
 from coastwatch.operators import coastline, plot, scene
 
+pytestmark = pytest.mark.contract
+
 SEED = 20
 NATURAL_EARTH_POINTS = Path(__file__).parents[1] / "worlds" / "natural_earth_points.csv"
 ROUND_EARTH = 0.02  # a degree of latitude and one of longitude differ by under 1 % at the equator

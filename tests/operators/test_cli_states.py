@@ -18,6 +18,8 @@ from coastwatch.batches import Flag
 from coastwatch.operators import plot, presentation, scene
 from coastwatch.operators.cli import main, make_parser
 
+pytestmark = pytest.mark.contract
+
 SPAN = ["--bbox=-24,-44,-22,-42", "--from", "2025-06-01T12:00:00Z", "--to", "2025-06-01T12:01:00Z"]
 PAST = ["--at", "2025-06-01T12:00:10Z"]
 READS: dict[str, list[list[str]]] = {

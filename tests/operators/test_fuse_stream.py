@@ -15,6 +15,8 @@ from coastwatch.sensors.recorded.nmea.feed import BLOCK
 from coastwatch.store.schema.migrate import check
 from scaling.load.ais_feed import write_feed
 
+pytestmark = pytest.mark.whole
+
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time
 SENTENCES = 2 * BLOCK  # the first cycle is stored long before the end of the file is read
 

@@ -22,6 +22,8 @@ from coastwatch.operators import coastline, land_tiles
 from coastwatch.operators.api.application import WEB
 from scaling.page.fleet import served_fleet
 
+pytestmark = pytest.mark.whole
+
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 POINTS = Path(__file__).parents[1] / "worlds" / "natural_earth_points.csv"
 KNOWN = (

@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.whole
+
 HOUSE = Path(__file__).parents[2]
 NODE = shutil.which("node", path=f"{HOUSE / '.venv' / 'bin'}") or shutil.which("node")
 

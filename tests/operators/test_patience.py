@@ -14,6 +14,8 @@ import pytest
 from server_world import Served, listening, wait_for
 from websockets.sync.client import connect
 
+pytestmark = pytest.mark.whole
+
 HEAD_S = 0.6
 BEGUN = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: "
 

@@ -13,6 +13,8 @@ from server_world import Served, listening
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.tokens import Limits, Tokens, add
 
+pytestmark = pytest.mark.whole
+
 SETTINGS = """
 [checks.positive_data_acceptance]
 expected-statuses = ["2xx", 304, 400, 401, 403, 404, 503]  # 400: of its type, and wrong by its meaning, as a box with south > north

@@ -22,6 +22,8 @@ from coastwatch.operators.api.tokens import Limits, Tokens, add, read
 from coastwatch.operators.cli import main, make_parser
 from coastwatch.operators.cli.serving import serve
 
+pytestmark = pytest.mark.whole
+
 
 @pytest.fixture(scope="module")
 def given(tmp_path_factory: pytest.TempPathFactory, served: Served) -> Iterator[dict[str, str]]:

@@ -17,6 +17,8 @@ from coastwatch.operators.api.wire import RING
 from coastwatch.store import open_store
 from scaling.page.fleet import Fleet, Simulated
 
+pytestmark = pytest.mark.whole
+
 PERIOD_S = 3.0
 MOST_MB = 10.0  # of memory for a viewer that reads nothing
 CLOSED = "coastwatch_viewers_slow_closed_total"

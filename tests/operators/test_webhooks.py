@@ -22,6 +22,8 @@ from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_o
 from coastwatch.operators.cli.serving import Followed
 from coastwatch.store import open_store
 
+pytestmark = pytest.mark.whole
+
 
 @contextmanager
 def receiver(answers: list[int]) -> Iterator[tuple[str, list[tuple[dict[str, str], bytes]]]]:

@@ -14,6 +14,8 @@ from coastwatch.operators.api.wire import HEADER, METRES, RING, Encoder, Frame
 from coastwatch.server.live_picture import OWN, LivePicture
 from coastwatch.store import Table
 
+pytestmark = pytest.mark.whole
+
 PERIOD_S, START_S = 3.0, 1.75e9
 QUANTUM_M = 0.02  # of position on the wire, 1e-7 deg, for rounding there and back
 CYCLES = 60

@@ -17,6 +17,8 @@ from coastwatch.scenario import load_scenario
 from coastwatch.server import watched_zones
 from coastwatch.server.watched_zones import WatchedZones
 
+pytestmark = pytest.mark.whole
+
 BAY = {"name": "bay", "kind": "polygon", "points_deg": [[-22.9, -43.2], [-22.9, -43.1], [-22.8, -43.1]], "enter": True}
 RING = {"name": "ring", "kind": "circle", "centre_deg": [0.0, 180.0], "radius_nm": 2.0, "max_speed_kn": 5.0}
 

@@ -13,6 +13,8 @@ from coastwatch.picture import Identity, PictureInput
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks.ais.ais_filter import AisFilter
 
+pytestmark = pytest.mark.contract
+
 MMSI = 235000001
 BESIDE_M = 2500.0
 

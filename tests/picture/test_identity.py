@@ -22,6 +22,8 @@ from coastwatch.kernels.identity.match import (
 )
 from coastwatch.picture.vessels import Known, predict
 
+pytestmark = pytest.mark.oracle
+
 NOW_S, COAST_S, HOLD_S, RETURN_S = 1000.0, 30.0, 120.0, 3600.0
 
 

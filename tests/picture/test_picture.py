@@ -21,6 +21,8 @@ from coastwatch.geodesy import offset_deg
 from coastwatch.picture import Identity, PictureInput
 from coastwatch.server.checkpoint import load, save
 
+pytestmark = pytest.mark.contract
+
 SITE = np.array([50.0, -1.0])
 PERIOD_S = 3.0
 EAST_M_S = 4.0

@@ -12,6 +12,8 @@ from coastwatch.kernels.threads import threads
 from coastwatch.picture import Identity, PictureInput
 from coastwatch.server.checkpoint import load, save
 
+pytestmark = pytest.mark.oracle
+
 EXACT = ("vessel_id", "time_s", "since_s", "updated_s", "mmsi", "flags", "origin", "nav_status")
 CLOSE = ("position_deg", "velocity_m_s", "covariance")
 SHORT = Identity(

@@ -29,6 +29,8 @@ from coastwatch.cover import SilenceInput, UsualPauses
 from coastwatch.geodesy import offset_deg
 from coastwatch.server.checkpoint import load, save
 
+pytestmark = pytest.mark.contract
+
 PERIOD_S = 3.0
 SITES = offset_deg(np.tile([-33.9, 18.4], (3, 1)), np.array([[0.0, 0.0], [30e3, 0.0], [60e3, 0.0]]))
 RANGE_M = 20e3  # of each station: each two neighbours share 10 km

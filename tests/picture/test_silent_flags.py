@@ -17,6 +17,8 @@ from coastwatch.geodesy import offset_deg
 from coastwatch.picture import Identity, PictureInput
 from coastwatch.server.checkpoint import load, save
 
+pytestmark = pytest.mark.contract
+
 
 def hearing_of(cycle: int, kind: str, first: int, last: int, seen_after: int = 10) -> SensorHearing:
     """All sensors of a kind send nothing from a cycle to another; they are silent once they sent nothing for some cycles."""

@@ -5,6 +5,8 @@ import pytest
 from coastwatch.scenario import load_scenario
 from scaling.decisions.wrong_identities import counts_of
 
+pytestmark = pytest.mark.whole
+
 DENSE = {"input.count": "150", "input.area_width_nm": "1.2", "input.area_height_nm": "1.2", "cycles": "30"}
 
 

@@ -15,6 +15,8 @@ from coastwatch.plots import PolarConversion
 from coastwatch.scenario import ScenarioError, load_scenario
 from coastwatch.server.checkpoint import load, save
 
+pytestmark = pytest.mark.contract
+
 ELLIPSOID_M = 0.3  # a range along the tangent plane at the antenna against one along the ground, at 18 NM
 
 

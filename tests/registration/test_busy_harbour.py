@@ -15,6 +15,8 @@ from coastwatch.scenario import load_scenario
 from coastwatch.server.run import run_scenario
 from scaling.load.registration import CASES, FOUND, Course, harbour, run
 
+pytestmark = pytest.mark.whole
+
 SEED = 31
 RIGHT_DEG = 1.0
 

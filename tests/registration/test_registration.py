@@ -23,6 +23,8 @@ from coastwatch.tracks.radar.motion import Motion
 from coastwatch.tracks.radar.parts import begin_tracks
 from coastwatch.tracks.radar.table import RadarMemory
 
+pytestmark = pytest.mark.contract
+
 METHODS = [NoRegistration(), OnlineRegistration()]
 SIGMAS = 4.5  # of a normal error: three figures a radar, a dozen tests
 SEEDS = 12

@@ -28,6 +28,8 @@ from coastwatch.geodesy import from_plane
 from coastwatch.registration import OnlineRegistration, RegistrationInput
 from coastwatch.registration.bearings import WaitingPlots, bearing_equations
 
+pytestmark = pytest.mark.contract
+
 VESSELS, LAG_S, CAMERA_BIAS = 5, 1.6, np.radians(4.0)
 CAMERA_SIGMA = np.radians(0.5)
 SLOT_S, SLOTS = 3.0, 20

@@ -23,6 +23,8 @@ from coastwatch.registration.reference_cells import (
     squares,
 )
 
+pytestmark = pytest.mark.contract
+
 GRID = Grid(np.radians(20.0), 150.0, np.radians(0.75))
 SIGMA = np.radians(1.3)
 PERIOD_S = 2.5

@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import registration_world as world
 
 from coastwatch.batches import RegistrationState, Tracks
 from coastwatch.geodesy import to_plane
 from coastwatch.registration import OnlineRegistration
 from coastwatch.registration.references import References, draw_references
+
+pytestmark = pytest.mark.contract
 
 SECTORS = 24
 COUNT = 48

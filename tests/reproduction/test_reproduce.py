@@ -23,6 +23,8 @@ from coastwatch.reproduction.html_report import better_than_published
 from coastwatch.reproduction.report_plots import roc_curve
 from coastwatch.server.many import over_processes
 
+pytestmark = pytest.mark.whole
+
 FOLDERS = published.chosen("rangel", ())
 TWO = ("rangel-tables-3-4", "rangel-table-8")
 SHORT = ("cycles=3", "warmup_s=45", "input.count=40")  # only has to run

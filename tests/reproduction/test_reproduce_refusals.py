@@ -10,6 +10,8 @@ from coastwatch.errors import InputError
 from coastwatch.operators.cli import main
 from coastwatch.reproduction import published
 
+pytestmark = pytest.mark.contract
+
 
 @pytest.mark.parametrize(
     ("words", "wanted"),

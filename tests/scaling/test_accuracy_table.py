@@ -8,6 +8,8 @@ from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion
 from scaling.load.accuracy import Case, Figure, Run, cold_start, lines_of, load_cases, run_case, value_of
 
+pytestmark = pytest.mark.contract
+
 CASES = load_cases()
 
 

@@ -22,6 +22,8 @@ from scaling.bench import (
     stage_rows,
 )
 
+pytestmark = pytest.mark.contract
+
 CHECKOUT = Path(bench.__file__).parents[1]
 GROUPED = re.compile(r'group="([^"]+)"\)\ndef (test_\w+)\(')
 STAGES = {"context-driven-1000": {"tracks": {"median": 0.009}, "spots": {"median": 0.001}, "store": {"median": 0.012}}}

@@ -22,6 +22,8 @@ from scaling.load.chain.reports import initial_state, next_cycle
 from scaling.load.chain.run import Load, run_cycles
 from scaling.load.chain.world import Size, World, build_world
 
+pytestmark = pytest.mark.contract
+
 EXACT = {"input.radar.noise_factor": "0", "input.radar.detection_probability": "1", "input.sonar.noise_factor": "0"}
 PERIOD_S, CYCLES = 3.0, 12
 BEAM_S = 1e-3  # error of the beam time of a plot, which comes from a position at a constant velocity

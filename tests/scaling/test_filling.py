@@ -12,6 +12,8 @@ from coastwatch.store.schema.migrate import check
 from scaling.load.filling import fill
 from scaling.load.queries import MEASURED, newest_run
 
+pytestmark = pytest.mark.contract
+
 POINTS, VESSELS = 20_000, 300
 
 

@@ -17,6 +17,8 @@ from coastwatch.store.schema import database
 from scaling.load import cycle, dense, queries, ramp, seeds, soak, stages
 from scaling.load.run import Load, run_cycles
 
+pytestmark = pytest.mark.contract
+
 
 def exit_of(
     command: Callable[[], None], words: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]

@@ -22,6 +22,8 @@ from scaling.load import cycle as cycle_command
 from scaling.load.processes import memory_bytes, process_tree, processor_s
 from scaling.load.run import ALL, BEARINGS, TRAFFIC, YOUNG, YOUNG_S, Load, decision_counts, pairs_within_gate, run_cycles
 
+pytestmark = pytest.mark.contract
+
 TRACKS, CYCLES = 2000, 6
 WRONG = 150  # tracks whose association is made wrong, of each kind
 

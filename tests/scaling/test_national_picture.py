@@ -17,6 +17,8 @@ from scaling.load import national
 from scaling.load.national.tracks import ChannelKind
 from scaling.load.national.traffic import SHARES, Traffic
 
+pytestmark = pytest.mark.contract
+
 CYCLES = 120  # six minutes: vessels come and go, tracks break, MMSIs change
 STEP_S = 0.01
 

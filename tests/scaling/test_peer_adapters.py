@@ -20,6 +20,8 @@ from scaling.peers.quality import decisions, quality, track_figures
 from scaling.peers.scipy import adapter as scipy
 from scaling.peers.scipy import pairs
 
+pytestmark = pytest.mark.contract
+
 SAME_M = 1e-6  # two ways to write one filter in double precision
 PLANE_M = 0.01  # between one plane for all and a plane a vessel
 SMALL = make_history(90, 24, 3, 1)

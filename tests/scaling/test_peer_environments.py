@@ -9,6 +9,8 @@ import pytest
 from scaling.peers import environment
 from scaling.peers.environment import HERE, installed, peers, pins, prepare
 
+pytestmark = pytest.mark.contract
+
 NO_INDEX = "ERROR: No matching distribution found"
 
 

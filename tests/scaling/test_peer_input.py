@@ -9,6 +9,8 @@ from coastwatch.geodesy import to_plane
 from scaling.peers.exchange import AIS, RADAR, Stopwatch, TaskResult, TrackHistory, load, save
 from scaling.peers.input import ORIGIN_DEG, make_history
 
+pytestmark = pytest.mark.contract
+
 FAR = 6.0  # standard deviations of a mean that chance does not reach
 
 

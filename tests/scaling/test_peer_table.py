@@ -9,6 +9,8 @@ from scaling.peers import run
 from scaling.peers.environment import Environment
 from scaling.peers.run import COMPARISONS, HEADS, Comparison, table
 
+pytestmark = pytest.mark.contract
+
 ROW = {
     "peer": "stonesoup",
     "task": "association",

@@ -10,6 +10,8 @@ import pytest
 from coastwatch.scenario import ScenarioError, load_scenario
 from coastwatch.scenario.extending import merged
 
+pytestmark = pytest.mark.contract
+
 BELOW = """
 name = "below"
 title = "what is extended"

@@ -10,6 +10,8 @@ import pytest
 
 from coastwatch.scenario import Scenario, ScenarioError, load_scenario, scenario_names
 
+pytestmark = pytest.mark.contract
+
 HOUSE = Path(__file__).parents[2]
 BASE = (HOUSE / "scenarios" / "context-driven-1000" / "scenario.toml").read_text("utf-8")
 SHIPPED = sorted(p.parent.name for p in (HOUSE / "scenarios").glob("*/scenario.toml"))

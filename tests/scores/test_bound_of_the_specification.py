@@ -13,6 +13,8 @@ from coastwatch.scores.bound import bound
 from coastwatch.scores.rmse import errors
 from coastwatch.scores.tally import rows_of_vessels
 
+pytestmark = pytest.mark.golden
+
 SEED = 11  # not the scenario's own
 OFTEN = 60  # plots: a vessel that a radar sees nearly all the time
 POSITION = 0.13  # rw1 is 12 % above the table, the others within 4 %

@@ -10,6 +10,8 @@ import pytest
 
 from coastwatch.scores.confusion import Confusion
 
+pytestmark = pytest.mark.golden
+
 AVERAGED = 3e-4  # the paper averages the metrics of ten runs, and the counts apart from them
 POSITION_TRACKS = Confusion(tp=7980, fn=38, fp=38, tn=6884)  # Table I
 BEARING_TRACKS = Confusion(tp=1747, fn=79, fp=214, tn=112)  # Table III

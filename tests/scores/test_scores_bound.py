@@ -14,6 +14,8 @@ from coastwatch.scores.bound import bound
 from coastwatch.scores.nees import band, nees
 from coastwatch.sensors.simulated.harbour import Lanes
 
+pytestmark = pytest.mark.oracle
+
 INSTANTS = START_S + 3.0 * np.arange(21, 61)
 STEPS_APART = 20  # instants between two errors that count as independent: a minute
 PLANES_M = 0.01  # the slow one adds in one plane, the fast one goes over the Earth: centimetres at 10 km, weighted down

@@ -11,6 +11,8 @@ from scores_world import AIS, KINDS, OTHER_RADAR, RADAR, bearing_tracks, ints, j
 from coastwatch.batches import BearingAssociations
 from coastwatch.scores.confusion import Confusion, association, bearing_association, count_decisions
 
+pytestmark = pytest.mark.oracle
+
 
 def decided(source, origin, vessel):
     return association(tracks(source, origin), joined(vessel), KINDS)

@@ -14,6 +14,8 @@ from coastwatch.scores.gospa import gospa
 from coastwatch.scores.nees import band, nees
 from coastwatch.scores.ospa import ospa
 
+pytestmark = pytest.mark.oracle
+
 SEED = 20240117
 TIGHT = 1e-9  # of sums of a few powers
 

@@ -14,6 +14,8 @@ from scores_world import ints
 from coastwatch.scores.purity import Identities
 from coastwatch.server.checkpoint import load, save
 
+pytestmark = pytest.mark.oracle
+
 
 def over(cycles):
     """The sums over cycles, each a list of (identity, origin)."""

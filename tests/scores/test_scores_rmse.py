@@ -9,6 +9,8 @@ from scores_world import AIS, KINDS, OTHER_RADAR, RADAR, fused, ints, joined, tr
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.scores.rmse import Errors, errors, fusion_errors, rows_of, whole_vessels
 
+pytestmark = pytest.mark.oracle
+
 PLACE = np.array([-23.0, 179.9999])
 METRES = 1e-6  # of offset_deg and difference_m, one the inverse of the other
 

@@ -17,6 +17,8 @@ from coastwatch.scores import add, result, start
 from coastwatch.scores.dark import Dark, watch, without_reports
 from coastwatch.server.checkpoint import load, save
 
+pytestmark = pytest.mark.oracle
+
 WITH_STATION = replace(
     sensors(), stations=Stations(np.array(["shore"], "U32"), CENTRE_DEG[None], np.array([40.0 * NAUTICAL_MILE_M]))
 )

@@ -11,6 +11,8 @@ from coastwatch.batches import Tracks, Truth
 from coastwatch.geodesy import from_plane
 from coastwatch.scores.targets import TargetScores
 
+pytestmark = pytest.mark.oracle
+
 ORIGIN_DEG = np.array([63.44, 10.4])
 
 

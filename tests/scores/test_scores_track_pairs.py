@@ -10,6 +10,8 @@ from coastwatch.scores.nees import mean_of_runs
 from coastwatch.scores.ospa import ospa2
 from coastwatch.scores.track_pairs import PairScores, TruePairs
 
+pytestmark = pytest.mark.oracle
+
 KINDS = np.array([0, 1], np.int64)
 LOST_M = 100.0
 ORIGIN = np.array([60.0, 5.0])

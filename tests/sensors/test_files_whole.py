@@ -29,6 +29,8 @@ from coastwatch.sensors.recorded.tables import rows as table_rows
 from coastwatch.sensors.recorded.tables.feed import Tables
 from coastwatch.stage import Plan
 
+pytestmark = pytest.mark.golden
+
 BLOCK = 16
 SITE = np.array([59.5, 10.5])
 EIGHT = settings(max_examples=40)

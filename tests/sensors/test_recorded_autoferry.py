@@ -16,6 +16,8 @@ from coastwatch.geodesy import to_plane
 from coastwatch.sensors.recorded.datasets.autoferry import PIREN_DEG, Autoferry
 from coastwatch.stage import Plan
 
+pytestmark = pytest.mark.golden
+
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "autoferry"
 SCENARIOS = (2, 3, 6, 13, 17)
 T0 = 1_620_204_790.0

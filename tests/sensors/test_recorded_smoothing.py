@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from coastwatch.sensors.recorded.datasets.smoothing import START_ACCELERATION, between, smooth
 
+pytestmark = pytest.mark.oracle
+
 Floats = NDArray[np.float64]
 EXACT = 1e-6  # m, m/s, m/s2: two solutions of equations whose condition is about 1e8
 

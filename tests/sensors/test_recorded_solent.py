@@ -22,7 +22,7 @@ PLAN = Plan(start_s=START_S + 600.0, period_s=3.0, cycles=200)
 SITE = np.array([[50.795, -1.105], [50.75, -1.10]])
 RANGE_M = 9000.0
 
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not on this machine")
+pytestmark = [pytest.mark.golden, pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not on this machine")]
 
 
 def sensors() -> Sensors:

@@ -19,6 +19,8 @@ from coastwatch.sensors.recorded.tables.ais import AisTable, wrapped_cog
 from coastwatch.sensors.recorded.tables.feed import Tables
 from coastwatch.stage import Plan
 
+pytestmark = pytest.mark.golden
+
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 T0 = 1_452_603_731.0  # 2016-01-12 13:02:11 UTC
 PLAN = Plan(start_s=T0, period_s=3.0, cycles=10)

@@ -15,6 +15,8 @@ from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, wrap_deg
 from coastwatch.sensors.simulated.ais import AisTruth, transmit, transponders
 from coastwatch.sensors.simulated.trajectories import VesselMotion, draw_motion
 
+pytestmark = pytest.mark.contract
+
 SPAN_S = 180.0
 STEP = 1e-6  # of a quotient that should be whole
 

@@ -9,6 +9,8 @@ from scipy import stats
 from coastwatch.geodesy import difference_m, to_plane
 from coastwatch.scenario import load_scenario
 
+pytestmark = pytest.mark.contract
+
 CHANCE = 1e-6
 
 

@@ -12,6 +12,8 @@ from coastwatch.geodesy import difference_m
 from coastwatch.sensors.simulated.formations import Convoys, Passings, in_formation
 from coastwatch.sensors.simulated.trajectories import VesselMotion, draw_motion
 
+pytestmark = pytest.mark.contract
+
 SPREAD_M = 0.5  # planes of anchors up to 10 km apart turn against each other: by so much over a few minutes' sailing
 SAMPLE_M = 1.0  # the truth is sampled every 3 s and straight between kicks; the closest approach lies between two samples
 

@@ -13,6 +13,8 @@ from coastwatch.sensors.simulated.harbour import Anchorages, Lanes, Row, Standin
 from coastwatch.sensors.simulated.radar import RadarTruth
 from coastwatch.sensors.simulated.trajectories import VesselMotion
 
+pytestmark = pytest.mark.contract
+
 STILL = VesselMotion(speed_from_kn=8.0, speed_to_kn=20.0, process_noise="none")
 LAT, LON = CENTRE_DEG
 

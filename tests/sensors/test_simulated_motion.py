@@ -14,6 +14,8 @@ from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m
 from coastwatch.sensors.simulated.trajectories import KICK_SHARE, VesselMotion, draw_motion
 from coastwatch.stage import Plan
 
+pytestmark = pytest.mark.contract
+
 SPAN_S = 600.0
 QUOTIENT_M_S = 1e-3  # error of a difference quotient over a tenth of a second
 CONVERGENCE_M_S = 4e-3  # north turns by 3e-4 rad over 5 km at 23 degrees south, times the speed

@@ -10,6 +10,8 @@ from simulated_world import START_S, recorded
 from coastwatch.sensors.simulated.ais import AisTruth
 from coastwatch.sensors.simulated.radar import RadarTruth
 
+pytestmark = pytest.mark.contract
+
 CYCLES = 60  # of 3 s
 
 

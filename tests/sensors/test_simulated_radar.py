@@ -15,6 +15,8 @@ from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_d
 from coastwatch.sensors.simulated.radar import RadarTruth, interpolated, observe
 from coastwatch.sensors.simulated.trajectories import VesselMotion, draw_motion
 
+pytestmark = pytest.mark.contract
+
 BEAM_S = 1e-5  # the beam time is found by iteration to less than this
 NEAR_M = 300.0  # nearer vessels move through the beam too fast for that
 SPAN_S = 120.0

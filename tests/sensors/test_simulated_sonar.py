@@ -10,6 +10,8 @@ from simulated_world import LEVEL, START_S, assert_unit_normal, recorded, sensor
 from coastwatch.batches import CLASS_OF_TYPE, CLASSES
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane, wrap_deg
 
+pytestmark = pytest.mark.contract
+
 CYCLES = 60
 
 

@@ -14,6 +14,8 @@ from coastwatch.server import alarm_book
 from coastwatch.server.alarm_book import Alarm, AlarmBook, Chosen, id_of, key_of, known_of
 from coastwatch.store import Acknowledgement, AlarmKey, Beginnings, Rows
 
+pytestmark = pytest.mark.contract
+
 NUMBER = {name: number for number, name in EVENT_KINDS.items()}
 BY = Acknowledgement(2000.0, "Ana", "called on 16", "watch")
 

@@ -20,6 +20,8 @@ from coastwatch.server.regions.message import RegionCycle
 from coastwatch.server.regions.scenario import with_track_sources
 from scaling.load import fuzz
 
+pytestmark = pytest.mark.whole
+
 WITH_SOURCE = with_track_sources(load_scenario("guanabara"), ["vts"]).sensors()
 PLOT = b'{"type": "plot", "radar": "%s", "time": %f, "range_m": %s, "azimuth_deg": 10.0%s}'
 RADAR = str(SENSORS.radars.name[0]).encode()

@@ -23,6 +23,8 @@ from coastwatch.server.regions.message import decode
 from coastwatch.store import open_store
 from scaling.load.kills import is_right, kill
 
+pytestmark = pytest.mark.whole
+
 CYCLES = 6
 AWAY = 100  # cycles: five minutes
 TABLES = ("cycle", "vessel", "history", "member_history", "presence", "recording", "region_intake")

@@ -27,6 +27,8 @@ from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.troubles import Trouble
 
+pytestmark = pytest.mark.whole
+
 OPS = Path(__file__).parents[2] / "ops"
 RAY = OPS / "ray"
 UNITS = sorted([*OPS.glob("*/*.service"), *OPS.glob("*/*.timer")])

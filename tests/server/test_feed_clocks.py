@@ -31,6 +31,8 @@ from coastwatch.server.regions.message import RegionCycle, RegionTracks
 from coastwatch.server.troubles import of_feeds
 from scaling.page.fleet import Simulated
 
+pytestmark = pytest.mark.whole
+
 HOUR_S, NOW_S = 3_600.0, 1.79e9
 
 

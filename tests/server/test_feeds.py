@@ -41,6 +41,8 @@ from coastwatch.server.regions.scenario import with_track_sources
 from coastwatch.server.run import run_scenario
 from scaling.load import replayed
 
+pytestmark = pytest.mark.whole
+
 START_S, SPAN_S = 1_750_000_000.0, 30.0
 SCENARIO = load_scenario("guanabara")
 SENSORS = SCENARIO.sensors()

@@ -35,6 +35,8 @@ from coastwatch.server.regions.client import Connection, parsed_region
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.troubles import Trouble
 
+pytestmark = pytest.mark.whole
+
 NOW_S = 1.79e9
 DEFECT = "ZeroDivisionError: a defect"
 

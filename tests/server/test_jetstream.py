@@ -26,6 +26,8 @@ from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.regions.client import parsed_region
 from coastwatch.store import open_store
 
+pytestmark = pytest.mark.whole
+
 SERVER = "nats://127.0.0.1:4222"
 KEEP_S = 600.0
 

@@ -27,6 +27,8 @@ from coastwatch.server.live_picture import stored_statics
 from coastwatch.store.schema import database
 from coastwatch.store.schema.database import writing
 
+pytestmark = pytest.mark.whole
+
 
 def test_a_simulation_runs_with_the_clock_and_ends_after_a_whole_cycle_with_what_was_served(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'live.db'}"

@@ -30,6 +30,8 @@ from coastwatch.server.timing import Stopwatch
 from coastwatch.store import CycleRecord, Store, Written
 from coastwatch.store.schema.migrate import check
 
+pytestmark = pytest.mark.whole
+
 RETRY = Backoff(0.01, 0.01)
 KEEP = StoreSettings()
 A, B = 12, 10

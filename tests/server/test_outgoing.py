@@ -20,6 +20,8 @@ from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.nmea.targets import TargetSentences
 from coastwatch.server.feeds.outgoing import OutFeed, parsed_out
 
+pytestmark = pytest.mark.whole
+
 SITE = "-22.9,-43.2"
 
 

@@ -14,6 +14,8 @@ from coastwatch.server.regions.client import parsed_region
 from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Incoming, LinkError, Outgoing, Position
 from coastwatch.server.regions.message import MessageError, RegionCycle, RegionTracks, decode, encode
 
+pytestmark = pytest.mark.contract
+
 CYCLES = 200
 
 

@@ -21,6 +21,8 @@ from coastwatch.server.run import run_scenario
 from coastwatch.store import Rows, Store
 from coastwatch.store.schema.migrate import check
 
+pytestmark = pytest.mark.contract
+
 PAGES = 66  # of 16 kB: room for a few cycles and the checkpoint
 
 

@@ -17,6 +17,8 @@ from coastwatch.server.run import RunResult
 from coastwatch.store import open_store
 from coastwatch.store.schema.migrate import check
 
+pytestmark = pytest.mark.whole
+
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time
 KILLS = 2
 LONG = {"input.count": "40", "cycles": "150", "warmup_s": "30.0", "store.checkpoint_every": "4"}

@@ -12,6 +12,8 @@ from coastwatch.operators.cli.summary import as_text
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.store.schema.migrate import check
 
+pytestmark = pytest.mark.contract
+
 
 def test_no_truth_gives_no_scores(tmp_path: Path) -> None:
     nmea = tmp_path / "one.nmea"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from run_world import SEED, url
 
 from coastwatch import store
@@ -12,6 +13,8 @@ from coastwatch.scenario import load_scenario
 from coastwatch.server.alarm_book import AlarmBook, key_of
 from coastwatch.server.run import run_scenario
 from coastwatch.store import Asked, open_store, operator_query
+
+pytestmark = pytest.mark.contract
 
 SETTINGS = {"input.count": "60", "cycles": "40", "input.ais.silent_share": "1.0", "input.ais.silent_from_s": "60"}
 

@@ -14,6 +14,8 @@ from coastwatch.server.deployment import FROM_FILE_ALONE, Deployment, deployment
 from coastwatch.server.regions.client import check_files, parsed_region
 from coastwatch.shipped import DEFAULT_DB
 
+pytestmark = pytest.mark.contract
+
 WHOLE = """
 [server]
 scenario = "guanabara"

@@ -9,12 +9,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest import mock
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coastwatch.server.feeds import transport
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.transport import Inbox, _tailed
+
+pytestmark = pytest.mark.whole
 
 READ = 8
 LOOK_S = 0.001

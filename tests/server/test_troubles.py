@@ -11,6 +11,8 @@ from coastwatch.server.link import FeedState, Link
 from coastwatch.server.live import SHOWN_S, LiveRun
 from coastwatch.server.troubles import SILENT_S, Trouble, of_feeds
 
+pytestmark = pytest.mark.contract
+
 NOW_S = 1_750_000_000.0
 
 

@@ -14,6 +14,8 @@ from coastwatch.scenario import load_scenario
 from coastwatch.server.warm_up import _places, _with_spots, warm_up
 from coastwatch.workers import open_workers
 
+pytestmark = pytest.mark.contract
+
 SCENARIOS = {
     "context-driven-100": {},
     "solent": {},

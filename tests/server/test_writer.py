@@ -12,6 +12,8 @@ import pytest
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.writer import Writer
 
+pytestmark = pytest.mark.contract
+
 PATIENCE_S = 30.0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bearing_world as bw
 import numpy as np
+import pytest
 
 from coastwatch.batches import CLASSES, BearingTracks, Floats, Octants, Picture, Sensors
 from coastwatch.geodesy import from_plane, to_plane, wrap_deg
@@ -11,6 +12,8 @@ from coastwatch.kernels.bearings.candidates import sector_of
 from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import NoMemory
+
+pytestmark = pytest.mark.contract
 
 LITERAL = OctantSpots(overlap_deg=0.0, position_sigmas=0.0, range_margin=1.0)
 

@@ -15,6 +15,8 @@ from coastwatch.server.checkpoint import load, save
 from coastwatch.spots import KMeansSpots
 from coastwatch.spots.kmeans import assigned
 
+pytestmark = pytest.mark.contract
+
 
 def tracks(seed, n, spread_m=20e3, origin=(58.0, 179.9)):
     rng = np.random.default_rng([seed, 0])

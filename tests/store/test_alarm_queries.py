@@ -19,6 +19,8 @@ from coastwatch.store.schema.database import reading, writing
 from coastwatch.store.schema.tables import EVENT
 from coastwatch.store.write.events import Timeline, write_events
 
+pytestmark = pytest.mark.contract
+
 NUMBER = {name: number for number, name in EVENT_KINDS.items()}
 TIMELINE = Timeline(world.START_S, world.PERIOD_S)
 BY = Acknowledgement(1.0, "Ana", "", "watch")

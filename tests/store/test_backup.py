@@ -17,6 +17,8 @@ from coastwatch.store import Store
 from coastwatch.store.schema.database import reading, writing
 from coastwatch.store.schema.migrate import check
 
+pytestmark = pytest.mark.contract
+
 DAY_S = 86_400.0
 
 

@@ -15,6 +15,8 @@ from coastwatch import store as kept
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.store.read import close_pairs
 
+pytestmark = pytest.mark.contract
+
 VESSELS = 500
 PLACES = {
     "equator": (0.0, 179.99),

@@ -24,6 +24,8 @@ from coastwatch.store.schema.database import reading
 from coastwatch.store.schema.migrate import check
 from coastwatch.store.write import write_cycle
 
+pytestmark = pytest.mark.contract
+
 CYCLES = 40
 GAP_S = 12.0
 KEEP = StoreSettings(event_gap_s=GAP_S)

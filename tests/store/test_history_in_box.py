@@ -23,6 +23,8 @@ from coastwatch.store.read.history_queries import points_in_box
 from coastwatch.store.schema.database import reading
 from coastwatch.store.schema.migrate import check
 
+pytestmark = pytest.mark.contract
+
 CYCLES = 40
 EDGE_M = 0.01
 """A vessel so near the edge may be on either side, for the rounding of a straight line against the box."""

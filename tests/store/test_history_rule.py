@@ -20,6 +20,8 @@ from coastwatch.store.rows import to_python
 from coastwatch.store.schema.database import reading
 from coastwatch.store.schema.migrate import check
 
+pytestmark = pytest.mark.contract
+
 NAMES = (
     "vessel_id", "latitude_deg", "longitude_deg", "sog_kn", "cog_deg", "major_m", "minor_m", "orientation_deg", "updated_s",
     "mmsi", "flags", "previous_cycle", "closing", "nav_status",

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import past_world
+import pytest
 import store_world as world
 from sqlalchemy import select
 
@@ -14,6 +15,8 @@ from coastwatch import store as kept
 from coastwatch.batches import Picture
 from coastwatch.store.schema.database import reading
 from coastwatch.store.schema.tables import IDENTITY
+
+pytestmark = pytest.mark.contract
 
 CYCLES = 40
 MMSI = np.array([710_000_001, 710_000_002, 710_000_003, 710_000_004, -1])

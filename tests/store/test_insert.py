@@ -20,6 +20,8 @@ from coastwatch.store.rows import Column as Cells
 from coastwatch.store.schema.database import connect, reading, writing
 from coastwatch.store.schema.tables import MEMBER
 
+pytestmark = pytest.mark.contract
+
 TEXTS = ("", "ais", "São Sebastião, 港", "x" * 300)
 
 ROWS = Table(

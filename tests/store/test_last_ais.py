@@ -8,6 +8,8 @@ import store_world as world
 from coastwatch import store as kept
 from coastwatch.operators import presentation
 
+pytestmark = pytest.mark.contract
+
 VESSEL, MMSI, NAME = 2, 710_000_001, "SHIP 1"
 NONE = dict.fromkeys(("last_ais_mmsi", "last_ais_name", "last_ais_until_utc"))
 

@@ -23,6 +23,8 @@ from coastwatch.store.schema.migrate import check
 from coastwatch.store.schema.tables import METADATA
 from coastwatch.store.write import retention, static_names
 
+pytestmark = pytest.mark.contract
+
 HOURS = 10 * world.PERIOD_S / 3600.0  # ten cycles
 KEEP = StoreSettings(
     history_hours=HOURS,

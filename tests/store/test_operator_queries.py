@@ -18,6 +18,8 @@ from coastwatch.errors import StoreError
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.store import INSTANTS, Store
 
+pytestmark = pytest.mark.contract
+
 CYCLES = 40
 LAST_S = world.instant_s(CYCLES - 1)
 SPHERE = 0.006

@@ -16,6 +16,8 @@ from coastwatch.shipped import operator_queries_folder
 from coastwatch.store.read.questions import COMPUTED, limits
 from coastwatch.store.schema.database import writing
 
+pytestmark = pytest.mark.contract
+
 
 @pytest.mark.parametrize(
     ("name", "parameters", "said"),

@@ -21,6 +21,8 @@ from coastwatch.store import Store
 from coastwatch.store.read.questions import Question
 from coastwatch.store.schema.database import reading
 
+pytestmark = pytest.mark.contract
+
 CYCLES = 30
 SPAN = world.instant_s(8), world.instant_s(20)
 

@@ -9,11 +9,14 @@ import time
 from pathlib import Path
 
 import past_world
+import pytest
 import store_world as world
 
 from coastwatch import store as kept
 from coastwatch.store.schema import database
 from coastwatch.store.schema.migrate import check
+
+pytestmark = pytest.mark.contract
 
 IMPATIENT_S = 0.02
 """How long the writer waits for a lock: not as long as a reader's transaction lasts, so that a reader that held one would be an error."""

@@ -19,6 +19,8 @@ from coastwatch.store import Store, recording
 from coastwatch.store.schema.database import reading, writing
 from coastwatch.store.schema.tables import CYCLE
 
+pytestmark = pytest.mark.contract
+
 CYCLES = 45
 
 

@@ -24,6 +24,8 @@ from coastwatch.store.schema.database import reading, writing
 from coastwatch.store.schema.migrate import check
 from coastwatch.store.write import retention
 
+pytestmark = pytest.mark.contract
+
 CYCLES = 60
 HOURS = 20 * world.PERIOD_S / 3600.0  # twenty cycles
 KEEP = StoreSettings(history_hours=HOURS, details_hours=HOURS / 2.0, history_max_s=21.0)

@@ -16,6 +16,8 @@ from coastwatch.operators import presentation
 from coastwatch.scenario import StoreSettings
 from coastwatch.store.schema.database import reading
 
+pytestmark = pytest.mark.contract
+
 
 def test_sensors_as_they_were(url: str) -> None:
     """Registration and the newest arrival of each sensor, now and at an instant; rows come at an interval and on change."""

@@ -8,6 +8,8 @@ import pytest
 
 from coastwatch import shipped
 
+pytestmark = pytest.mark.contract
+
 
 def test_in_a_checkout_they_are_beside_the_package() -> None:
     assert shipped.migrations_folder() == Path(__file__).parents[2] / "db" / "migrations"

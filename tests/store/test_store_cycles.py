@@ -23,6 +23,8 @@ from coastwatch.store.schema.migrate import check
 from coastwatch.store.schema.tables import METADATA
 from coastwatch.store.write.to_rows import changed_rows
 
+pytestmark = pytest.mark.contract
+
 
 def test_the_picture_is_found_as_it_was(url: str) -> None:
     with kept.open_store(url) as store:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
 import store_world as world
 from sqlalchemy import text
 
@@ -11,6 +12,8 @@ from coastwatch import store as kept
 from coastwatch.scenario import StoreSettings
 from coastwatch.store.schema.database import reading
 from coastwatch.store.schema.migrate import check
+
+pytestmark = pytest.mark.contract
 
 
 def test_memberships_are_written_when_they_change(url: str) -> None:

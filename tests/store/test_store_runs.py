@@ -17,6 +17,8 @@ from coastwatch.store.schema.database import reading
 from coastwatch.store.schema.migrate import check
 from coastwatch.store.schema.tables import METADATA, STAGE_TIMING
 
+pytestmark = pytest.mark.contract
+
 
 def everything(store: Store) -> dict[str, list[tuple[Any, ...]]]:
     """All rows of all tables but the run itself, sorted."""

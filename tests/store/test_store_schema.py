@@ -27,6 +27,8 @@ from coastwatch.store.schema import migrate
 from coastwatch.store.schema.database import connect, reading, revision, writing
 from coastwatch.store.schema.tables import HISTORY, METADATA, REVISION, REVISION_TABLE
 
+pytestmark = pytest.mark.contract
+
 SINCE_0001 = {
     "ais_feed",
     "track_source",

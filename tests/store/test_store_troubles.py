@@ -25,6 +25,8 @@ from coastwatch.store import Store
 from coastwatch.store.schema import database
 from coastwatch.store.schema.migrate import check
 
+pytestmark = pytest.mark.contract
+
 KILLS = 6
 VESSELS = 600
 """Enough that a writer in a loop is inside a transaction most of the time."""

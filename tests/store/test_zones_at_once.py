@@ -13,6 +13,8 @@ import pytest
 from coastwatch import store
 from coastwatch.store import open_store
 
+pytestmark = pytest.mark.contract
+
 module = import_module("coastwatch.store.zones")  # the package has a function of this name
 AT_ONCE = 6
 

@@ -8,6 +8,8 @@ from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
 from coastwatch.tracks import AisDeadReckoning, AisFilter, AisInput
 from coastwatch.tracks.ais.ais_filter import refused
 
+pytestmark = pytest.mark.contract
+
 ROUNDING_M = 1e-6
 
 

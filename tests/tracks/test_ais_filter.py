@@ -14,6 +14,8 @@ from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane
 from coastwatch.tracks import AisInput
 from coastwatch.tracks.ais.ais_filter import AisFilter, Motion, refused
 
+pytestmark = pytest.mark.oracle
+
 SENSORS = Sensors(Radars.empty(), Stations.empty(), Sonars.empty(), (), np.zeros((0, 2)))
 HOME = np.array([-22.9, -43.1])
 SOLENT = Path(__file__).parents[2].parent / "shared" / "data" / "solent_ais" / "SolentAIS_20160112_130211.csv.gz"

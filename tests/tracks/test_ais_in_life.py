@@ -11,6 +11,8 @@ from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
 from coastwatch.tracks import AisInput
 from coastwatch.tracks.ais.ais_filter import AisFilter, refused
 
+pytestmark = pytest.mark.contract
+
 FERRY = 235000001
 
 

@@ -14,6 +14,8 @@ from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import RegionInput, TableTracker
 
+pytestmark = pytest.mark.contract
+
 METHODS = [m for m in every_tracker() if m.messages.method != "none" and m.bank.method == "compiled"]
 SIGMA_M = 3.0
 VELOCITY_SIGMA_M_S = 0.1

@@ -13,6 +13,8 @@ from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import AisDeadReckoning, AisFilter, AisInput, AisTracker
 from coastwatch.tracks.ais.ais_filter import refused
 
+pytestmark = pytest.mark.contract
+
 METHODS = [AisFilter(), AisDeadReckoning(), AisDeadReckoning(aligned=False)]
 every_method = pytest.mark.parametrize("method", METHODS, ids=["ais_filter", "dead_reckoning", "not aligned"])
 

@@ -7,6 +7,8 @@ from ais_world import HOME, PERIOD_S, START_S, run, sail, same
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
 from coastwatch.tracks.ais.ais_filter import AisFilter, refused
 
+pytestmark = pytest.mark.contract
+
 
 def test_a_first_report_is_a_track_at_once():
     row = sail(235000001, [START_S + 1.0])

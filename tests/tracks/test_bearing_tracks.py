@@ -30,6 +30,8 @@ from coastwatch.tracks.bearing import (
     _near_in_bearing,
 )
 
+pytestmark = pytest.mark.contract
+
 ROUNDING = 1e-9
 START = bw.START_S
 

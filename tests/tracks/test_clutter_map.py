@@ -22,6 +22,8 @@ from coastwatch.tracks.radar.clutter import (
     standing_echoes,
 )
 
+pytestmark = pytest.mark.oracle
+
 PRIOR_PER_M2 = 1e-6
 ROUNDING = 1e-12  # relative
 

@@ -17,6 +17,8 @@ from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import RegionInput, TableTracker
 from coastwatch.tracks.radar.life import Detection, ExistenceManagement
 
+pytestmark = pytest.mark.contract
+
 METHODS = [m for m in every_tracker() if m.association.method == "jipda" and m.messages.method == "none"]
 OWN_M = 150.0  # a track farther from its vessel is another's
 ALWAYS_VISIBLE = ExistenceManagement(hides=False)

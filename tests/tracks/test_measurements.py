@@ -13,6 +13,8 @@ from coastwatch.tracks import AisFilter, AisInput, RegionInput, TableTracker
 from coastwatch.tracks.ais.out_of_sequence import records
 from coastwatch.tracks.radar.life import ExistenceManagement, TrackManagement
 
+pytestmark = pytest.mark.contract
+
 NEAR_M = 1e-3  # the trip through the region's plane and back
 MMSI = 235000001
 

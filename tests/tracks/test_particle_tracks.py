@@ -13,6 +13,8 @@ from coastwatch.tracks import TableTracker
 from coastwatch.tracks.radar.bank import Particles
 from coastwatch.tracks.radar.motion import Manoeuvres
 
+pytestmark = pytest.mark.contract
+
 
 def test_particles_hold_vessels_with_their_ids_and_resume():
     truth = world(4, 41, side_nm=4.0)

@@ -20,6 +20,8 @@ from coastwatch.scores.rmse import rows_of
 from coastwatch.tracks import RegionInput
 from coastwatch.tracks.radar.motion import STEADY
 
+pytestmark = pytest.mark.consistency
+
 SEEDS = (2001, 2002)
 CHANCE = 1e-6
 DIMENSION = 4

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import fields, replace
 
 import numpy as np
+import pytest
 from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, world
 
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
 from coastwatch.tracks import RegionInput, TableTracker
+
+pytestmark = pytest.mark.contract
 
 OWN_M = 150.0  # four standard deviations of the widest plots: a track farther from its vessel is another's
 

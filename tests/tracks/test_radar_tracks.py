@@ -17,6 +17,8 @@ from coastwatch.tracks import RadarTracker, RegionInput, TableTracker
 from coastwatch.tracks.radar.bank import Filterpy
 from coastwatch.tracks.radar.clutter import ClutterSettings
 
+pytestmark = pytest.mark.contract
+
 METHODS = every_tracker()
 ROUNDING = 1e-9  # relative; the two gains differ by rounding times the condition of the innovation
 

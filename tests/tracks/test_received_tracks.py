@@ -13,6 +13,8 @@ from coastwatch.scenario.sites import TrackSource, sensors_of
 from coastwatch.server import checkpoint
 from coastwatch.tracks import ReceivedInput, ReceivedTracks
 
+pytestmark = pytest.mark.contract
+
 HOME = np.array([50.0, -1.0])
 SIGMA_M, SIGMA_M_S = 30.0, 0.4
 

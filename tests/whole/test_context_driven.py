@@ -17,6 +17,8 @@ from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion
 from coastwatch.server.run import run_scenario
 
+pytestmark = pytest.mark.golden
+
 HOUSE = Path(__file__).parents[2]
 SEEDS = (2001,)  # kept for judging: no setting was chosen on it; scaling.load.accuracy takes more
 KEYS = {"name", "source", "published", "asked", "asked_by", "better", "path", "over", "command", "short"}

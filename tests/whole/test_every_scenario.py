@@ -13,6 +13,8 @@ import pytest
 from coastwatch.operators.cli import main
 from coastwatch.scenario import load_scenario
 
+pytestmark = pytest.mark.whole
+
 HOUSE = Path(__file__).parents[2]
 SHIPPED = sorted(path.parent.name for path in (HOUSE / "scenarios").glob("*/scenario.toml"))
 SHARED = HOUSE.parent / "shared" / "data"

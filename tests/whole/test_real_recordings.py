@@ -21,6 +21,8 @@ from coastwatch.sensors import Solent
 from coastwatch.server.run import run_scenario
 from coastwatch.stage import Plan
 
+pytestmark = pytest.mark.whole
+
 SHARED = Path(__file__).parents[2].parent / "shared"
 SOLENT, AUTOFERRY, SCORER = (
     SHARED / "data" / "solent_ais",

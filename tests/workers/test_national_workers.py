@@ -16,6 +16,8 @@ from coastwatch.server.timing import Stopwatch
 from coastwatch.workers import open_workers
 from scaling.load import national
 
+pytestmark = pytest.mark.contract
+
 TRACKS, CYCLES, SEED = 3000, 10, 3
 LEAST = 64
 """Rows a thread at least, in place of up to 4096: so few tracks would else be the work of one thread."""

@@ -17,6 +17,8 @@ from coastwatch.workers.region_processes import ProcessHosts
 from coastwatch.workers.region_threads import ThreadedRegions
 from coastwatch.workers.remote_regions import Kept, RemoteRegions
 
+pytestmark = pytest.mark.contract
+
 
 def moments():
     """When hosts are lost: at each of the calls and answers of some cycles, and at many."""

@@ -24,6 +24,8 @@ from coastwatch.workers.region_threads import ThreadedRegions
 from coastwatch.workers.remote_regions import RemoteRegions
 from coastwatch.workers.shared_memory import Publisher, Reader, receive, send
 
+pytestmark = pytest.mark.contract
+
 
 def squares(settings, arrays, spots):
     """Work for the test: something of the rows, something of the settings, results of uneven length."""

@@ -12,6 +12,8 @@ from regions_world import REGIONS, Centre, run_regions, scenario_of_regions
 from coastwatch.stage import serial_regions
 from coastwatch.workers.remote_regions import RemoteRegions
 
+pytestmark = pytest.mark.contract
+
 EACH = {"num_cpus": 1, "object_store_memory": 80 * 2**20}  # node of the cluster
 PATIENCE_S = 60.0  # until a lost actor has been noticed and replaced
 
