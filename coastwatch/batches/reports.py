@@ -137,10 +137,6 @@ class ReportStream(Protocol):
         """The reports with after_s < received_s <= until_s. Older ones are dropped; those after wait for the next call."""
         ...
 
-    def head(self) -> Reports:
-        """The first reports of each source. They stay in the stream."""
-        ...
-
     def faults(self) -> tuple[Fault, ...]:
         """The records that were refused or set aside so far."""
         ...

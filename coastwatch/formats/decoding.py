@@ -10,10 +10,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from coastwatch.batches import Bools, Floats, Ints, Reports, limits
+from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.intake.reception_time import TIME_MISSING
 
 Item = tuple[float, bytes, int]
-"""When a line or datagram came, Unix time, its bytes, and the number of its sender: of a connection, or of an address."""
+"""When a line or datagram came, Unix time, NaN: unknown; its bytes; and the number of its sender: of a connection, or of an address."""
 
 FAR_AHEAD_S = 60.0
 FAR_JUMP_S, CONFIRMED_BY = 600.0, 10
@@ -26,7 +28,13 @@ JUMP = "time far ahead of the reports before"
 AHEAD = "time ahead of the clock of this machine, that of arrival taken"
 
 
-class OptionError(ValueError):
+LATE = "report later than its cycle"
+BEFORE_RUN = "report from before the run began"
+BROKEN = "defect of its decoder"
+DROPPED = "dropped: no room, or too long"
+
+
+class OptionError(InputError):
     """An option of a feed that its format cannot use; the message says what is wrong."""
 
 
@@ -134,6 +142,18 @@ Cut = Callable[[float, float], Reports]
 counted and dropped: late, or of before the run."""
 
 
+def decode(decoder: Decoder, name: str, items: list[Item], reference_s: float | None) -> None:
+    """Decode what has come. Whatever a decoder raises, the other lines are used. Args: name: of the feed; reference_s: as of `take`."""
+    try:
+        decoder.take(items, reference_s)
+    except Exception:
+        for item in items:
+            try:
+                decoder.take([item], reference_s)
+            except Exception as error:
+                decoder.tally.add(BROKEN, name, f"{type(error).__name__}: {error}")
+
+
 def newest_rows(time_s: Floats) -> Ints:
     """The rows that stay where more than MOST_WAITING wait: the newest, a tenth fewer than that. In their order."""
     return np.sort(np.argsort(-time_s, kind="stable")[: MOST_WAITING - MOST_WAITING // 10])
@@ -211,6 +231,7 @@ class Stamps:
             self._tally.add_rows(AHEAD, ahead, lambda i: self._name, lambda i: f"{time_s[i] - arrived_s[i]:.0f} s")
             time_s = np.where(ahead, arrived_s, time_s)
         else:
+            self._tally.add_rows(TIME_MISSING, np.isnan(time_s), lambda i: self._name, lambda i: "")
             time_s = self._without_jumps(time_s)
         self.newest_s = max(self.newest_s, float(np.nanmax(time_s, initial=-math.inf)))
         self.first_s = min(self.first_s, float(np.nanmin(time_s, initial=math.inf)))
@@ -229,24 +250,32 @@ class Stamps:
 
     def _without_jumps(self, time_s: Floats) -> Floats:
         """The times, NaN where one is far ahead of those before and not confirmed."""
-        if not len(time_s):
+        known_s = time_s[np.isfinite(time_s)]
+        if not len(known_s):
             return time_s
         if not math.isfinite(self.newest_s):
-            self.newest_s = float(np.median(time_s))
-        far = time_s > self.newest_s + FAR_JUMP_S
+            self.newest_s = float(np.median(known_s))
+        far = _after_jump(time_s, self.newest_s)
         if self._agreeing < CONFIRMED_BY:  # the first stamps may have been the wrong ones
             before = time_s < self.newest_s - FAR_JUMP_S
             self._before = _at_the_end(before, self._before)
             self._agreeing += int((~far & ~before).sum())
             if self._before >= CONFIRMED_BY:
                 self.newest_s = self.first_s = float(np.median(time_s[before]))
-                far = time_s > self.newest_s + FAR_JUMP_S
+                far = _after_jump(time_s, self.newest_s)
         self._far = _at_the_end(far, self._far)
         if self._far >= CONFIRMED_BY:
             far[len(far) - min(self._far, len(far)) :] = False
             self._far = 0
         self._tally.add_rows(JUMP, far, lambda i: self._name, lambda i: f"{time_s[i] - self.newest_s:.0f} s")
         return np.where(far, np.nan, time_s)
+
+
+def _after_jump(time_s: Floats, newest_s: float) -> Bools:
+    """Which times are far ahead of the newest one before the first jump. Args: newest_s: before all of them."""
+    before_s = np.fmax.accumulate(np.concatenate([[newest_s], time_s]))
+    jumps = np.flatnonzero(np.diff(before_s) > FAR_JUMP_S)
+    return np.asarray(time_s > before_s[jumps[0]] + FAR_JUMP_S) if len(jumps) else np.zeros(len(time_s), np.bool_)
 
 
 def _at_the_end(mask: Bools, before: int) -> int:

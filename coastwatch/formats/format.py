@@ -52,6 +52,11 @@ def _cuts(decoders: Sequence[Decoder]) -> list[Cut]:
     return [decoder.cut for decoder in decoders]
 
 
+def line_length(data: bytes, begin: int) -> int:
+    """As `Format.length`, of a line with its end."""
+    return data.find(b"\n", begin) + 1 - begin
+
+
 @dataclass(frozen=True)
 class Format:
     """A wire format. What it does not offer is None."""
@@ -60,6 +65,13 @@ class Format:
     decoder: Callable[[FeedSettings, Sensors], Decoder] | None = None  # raises OptionError
     cuts: Callable[[Sequence[Decoder]], list[Cut]] = _cuts  # of all feeds of this format together
     encode: Callable[[Reports, SensorNames], list[bytes]] | None = None  # lines or datagrams of reports
+    encodes: tuple[str, ...] = ()  # the kinds of reports that `encode` takes: fields of `Reports`
     pictures: Callable[[OutSettings], Encoder] | None = None
     in_datagrams: bool = False  # a message is a datagram; else it is a line
+    length: Callable[[bytes, int], int] = line_length
+    """(data, begin) -> bytes of the message of a file that begins there, 0 or less: its end has not come. Raises: ValueError."""
+    stamps: Callable[[list[bytes]], Iterator[tuple[int, float]]] | None = None
+    """Of recorded lines: (number from 1 on, Unix time) of those that have a time. With it `coastwatch feed` can send a file."""
     needs_site: bool = False  # its pictures are of ranges and bearings
+    own_source: bool = False  # a feed is a track source by itself, of the name of the feed
+    numbered: bool = False  # its reports have the number of their feed

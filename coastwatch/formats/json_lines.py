@@ -76,7 +76,7 @@ class JsonDecoder:
         self.tally, self.counts = Tally(), Counts()
         self.checked = checked
         self.stamps = Stamps(name, checked, self.tally)
-        self._name, self._sensors = name, sensors
+        self._name, self._sensors, self._lines = name, sensors, 0
         names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name, "track": sensors.track_sources.name}
         self._numbers = {kind: {str(name): k for k, name in enumerate(of)} for kind, of in names.items()}
         self._waiting = {
@@ -94,17 +94,18 @@ class JsonDecoder:
         """As of `Decoder`."""
         found: dict[str, list[tuple[float, int, Any]]] = {kind: [] for kind in self._waiting}
         for arrived_s, text, _ in items:
+            self._lines += 1
             if not text.strip():
                 continue
             try:
                 line = LINE.validate_json(text)
             except (ValidationError, RecursionError):
-                self.tally.add(NOT_READ, self._name, text[:200])
+                self.tally.add(NOT_READ, f"{self._name}:{self._lines}", text[:200])
                 continue
             named = line.radar if isinstance(line, Plot) else line.sonar if isinstance(line, Bearing) else line.source
             sensor = self._numbers[line.type].get(named)
             if sensor is None:
-                self.tally.add(NO_SENSOR, self._name, named)
+                self.tally.add(NO_SENSOR, f"{self._name}:{self._lines}", named)
                 continue
             found[line.type].append((arrived_s, sensor, line))
         for kind, make in (("plot", self._plots), ("bearing", self._bearings), ("track", self._tracks)):
@@ -189,4 +190,4 @@ def _decoder(feed: FeedSettings, sensors: Sensors) -> JsonDecoder:
     return JsonDecoder(feed.name, sensors, feed.checked)
 
 
-JSON = Format("json", decoder=_decoder, encode=encode)
+JSON = Format("json", decoder=_decoder, encode=encode, encodes=("radar", "bearing"))

@@ -1,7 +1,14 @@
 """The wire formats by name. A new one is a module and a name in this table."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from coastwatch.batches import Sensors
 from coastwatch.formats.asterix.decoder import ASTERIX
 from coastwatch.formats.cot import COT
+from coastwatch.formats.decoding import Cut, Decoder, FeedSettings, OptionError
 from coastwatch.formats.format import Format
 from coastwatch.formats.json_lines import JSON
 from coastwatch.formats.nmea.ais import AIS
@@ -10,3 +17,22 @@ from coastwatch.formats.nmea.targets import TLL, TTM
 FORMATS: dict[str, Format] = {one.name: one for one in (AIS, ASTERIX, TTM, JSON, COT, TLL)}
 DECODED = tuple(name for name, one in FORMATS.items() if one.decoder is not None)
 PICTURES = tuple(name for name, one in FORMATS.items() if one.pictures is not None)
+
+
+def decoders_of(feeds: Sequence[tuple[str, FeedSettings]], sensors: Sensors, first: int = 0) -> tuple[list[Decoder], list[Cut]]:
+    """A decoder of each feed, and the cuts of all of them, in order of the feeds.
+
+    Args: feeds: the format of each, and what it is told; first: number of the first feed of each format. Raises: OptionError.
+    """
+    decoders: list[Decoder] = []
+    rows: dict[str, list[int]] = {}
+    for row, (name, settings) in enumerate(feeds):
+        own, make = rows.setdefault(name, []), FORMATS[name].decoder
+        if make is None:
+            raise OptionError(f"feed: got {settings.text!r}, needed a format of {', '.join(DECODED)}")
+        decoders.append(make(replace(settings, number=first + len(own)), sensors))
+        own.append(row)
+    cuts: list[tuple[int, Cut]] = []
+    for name, own in rows.items():
+        cuts += zip(own, FORMATS[name].cuts([decoders[row] for row in own]), strict=False)  # AIS has one cut of all its feeds
+    return decoders, [cut for _, cut in sorted(cuts, key=lambda pair: pair[0])]

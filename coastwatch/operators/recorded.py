@@ -13,10 +13,12 @@ from pydantic import BaseModel, ValidationError
 
 from coastwatch.batches import Floats
 from coastwatch.errors import InputError
+from coastwatch.formats.registry import FORMATS
 from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg, wrap_deg
 from coastwatch.scenario import Area, Scenario
 from coastwatch.scenario.refusing import refusals
 from coastwatch.scenario.sites import Radar, Sonar, Station
+from coastwatch.sensors.files import WireFile
 from coastwatch.sensors.recorded.files import has_sentences
 from coastwatch.sensors.recorded.tables.ais import AisColumns
 from coastwatch.sensors.recorded.tables.feed import BearingColumns, PlotColumns, Tables
@@ -51,11 +53,13 @@ class Files:
     bearings: str | None
     tracks: tuple[str, ...]
     columns: Mapping[str, str]
+    feeds: tuple[WireFile, ...] = ()
 
     @property
     def default_period_s(self) -> float:
         """Seconds of a cycle: about a turn of a radar; of AIS alone the slowest report of a class A vessel under way."""
-        return 3.0 if self.plots or self.bearings or self.tracks else 10.0
+        of_ais = all(FORMATS[feed.format].numbered for feed in self.feeds)
+        return 3.0 if self.plots or self.bearings or self.tracks or not of_ais else 10.0
 
 
 def document(files: Files, sensors: Mapping[str, Sequence[Site]], period_s: float) -> dict[str, object]:
@@ -72,12 +76,11 @@ def document(files: Files, sensors: Mapping[str, Sequence[Site]], period_s: floa
         "tracks": [name for name, so in tracks.items() if not so],
         "track_sentences": [name for name, so in tracks.items() if so],
     }
-    names = [Path(name).name for part in parts.values() for name in part]
-    paths = [str(Path(name).resolve()) for part in parts.values() for name in part]
-    digest = zlib.crc32("\n".join(paths).encode())  # so that --restart and --resume affect no other run
+    paths = [name for part in parts.values() for name in part] + [str(feed.path) for feed in files.feeds]
+    parts["feeds"] = [feed.text for feed in files.feeds]
     return {
-        "name": f"fuse-{re.sub(r'[^A-Za-z0-9_]+', '-', names[0])[:16].strip('-')}-{digest:08x}",  # unique to a set of files
-        "title": "Recorded: " + ", ".join(names),
+        "name": _name(paths),
+        "title": "Recorded: " + ", ".join(Path(path).name for path in paths),
         "period_s": period_s,
         "cycles": 0,
         "warmup_s": 0.0,
@@ -88,12 +91,19 @@ def document(files: Files, sensors: Mapping[str, Sequence[Site]], period_s: floa
     }
 
 
-def track_sources(files: tuple[str, ...], site: tuple[float, float] | None) -> list[Site]:
-    """The track sources of these files, each with a name made of its file's. Files with NMEA come last, as in `document`."""
-    ordered = sorted(files, key=lambda name: has_sentences(Path(name), "tracks"))
+def _name(files: list[str]) -> str:
+    """A name that is unique to a set of files, so that --restart and --resume affect no other run."""
+    digest = zlib.crc32("\n".join(str(Path(name).resolve()) for name in files).encode())
+    return f"fuse-{re.sub(r'[^A-Za-z0-9_]+', '-', Path(files[0]).name)[:16].strip('-')}-{digest:08x}"
+
+
+def track_sources(files: Files, site: tuple[float, float] | None) -> list[Site]:
+    """The track sources of files, each with a name made of its file's, then those of feeds. Files with NMEA come last, as in `document`."""
+    ordered = sorted(files.tracks, key=lambda name: has_sentences(Path(name), "tracks"))
     stems = [re.sub(r"[^A-Za-z0-9_]+", "-", Path(name).name.split(".")[0])[:24] or "tracks" for name in ordered]
     names = [stem if stems.count(stem) == 1 else f"{stem}-{k}" for k, stem in enumerate(stems, 1)]
     place: dict[str, str | float] = {} if site is None else {"latitude_deg": site[0], "longitude_deg": site[1]}
+    names += dict.fromkeys(feed.source for feed in files.feeds if feed.source is not None)
     return [{"name": name, **place} for name in names]
 
 

@@ -230,7 +230,8 @@ class Scenario(Settings):
         if self.start_utc is not None and self.cycles > 0:
             cycles = self.warmup_cycles + self.cycles
             return Plan(start_s=self.start_utc.timestamp(), period_s=self.period_s, cycles=cycles)
-        first_s, stop_s = self.input.span()
+        feed = self.input
+        first_s, stop_s = feed.span(self.sensors()) if isinstance(feed, Tables) and feed.feeds else feed.span()
         start_s = float(np.floor(first_s)) - 1.0 if self.start_utc is None else self.start_utc.timestamp()
         cycles = self.warmup_cycles + self.cycles if self.cycles else max(int(np.ceil((stop_s - start_s) / self.period_s)), 0)
         return Plan(start_s=start_s, period_s=self.period_s, cycles=cycles)

@@ -20,8 +20,8 @@ from contextlib import ExitStack
 import numpy as np
 from joblib import Parallel, delayed  # type: ignore[import-untyped]
 
-from coastwatch import pipeline
 from coastwatch.batches import Array
+from coastwatch.centre import run_centre, start_centre
 from coastwatch.kernels.threads import threads
 from coastwatch.operators.cli.arguments import count
 from coastwatch.server.timing import Stopwatch
@@ -67,7 +67,7 @@ def main() -> None:
             "own pool": stack.enter_context(Processes(asked.workers)),
             "joblib": JoblibPool(asked.workers),
         }
-        memories = {way: pipeline.start_centre(scenario) for way in ways}
+        memories = {way: start_centre(scenario) for way in ways}
         clock_s: dict[str, list[float]] = {way: [] for way in ways}
         cpu_s: dict[str, list[float]] = {way: [] for way in ways}
         for number in range(WARM_UP + asked.cycles):
@@ -75,7 +75,7 @@ def main() -> None:
             pairs = set()
             for way, spread in ways.items():
                 begun, begun_cpu = time.perf_counter(), processor_s()
-                memories[way], cycle = pipeline.fuse(
+                memories[way], cycle = run_centre(
                     scenario, sensors, memories[way], received, world.time_s(number), spread, Stopwatch()
                 )
                 clock_s[way].append(time.perf_counter() - begun)

@@ -167,7 +167,7 @@ def decoders(messages: Messages) -> dict[str, Any]:
     """A decoder of each format, as a live server makes them."""
     sensors = messages.scenario.sensors()
     return {
-        name: decode(parsed(ADDRESSES[name]).settings(0, True), sensors)
+        name: decode(parsed(ADDRESSES[name]).settings(True), sensors)
         for name in ("ais", "asterix", "json", "ttm")
         if (decode := FORMATS[name].decoder) is not None
     }

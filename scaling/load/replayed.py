@@ -27,6 +27,7 @@ import polars as pl
 from coastwatch import store
 from coastwatch.batches import Picture, RadarReports, Reports
 from coastwatch.formats.asterix.decoder import AsterixDecoder
+from coastwatch.formats.registry import FORMATS
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import Scenario, load_scenario
@@ -105,7 +106,7 @@ def _as_batches(sent: list[tuple[float, list[bytes], list[bytes]]]) -> Iterator[
     for until_s, lines, datagrams in sent:
 
         def encode(address: Address, lines: list[bytes] = lines, datagrams: list[bytes] = datagrams) -> list[bytes]:
-            return lines if address.format == "ais" else datagrams
+            return datagrams if FORMATS[address.format].in_datagrams else lines
 
         yield until_s, encode
 

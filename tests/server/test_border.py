@@ -11,8 +11,8 @@ from region_world import region_tracks
 from test_feeds import SEA, SENSORS, START_S, cycles, deliver, items, joined, put, put_datagrams, receiving
 
 from coastwatch.batches import limits
+from coastwatch.formats.decoding import BROKEN
 from coastwatch.scenario import load_scenario
-from coastwatch.server.feeds.live_input import BROKEN
 from coastwatch.server.regions.client import Connection, parsed_region
 from coastwatch.server.regions.intake import RegionIntake
 from coastwatch.server.regions.link import Position

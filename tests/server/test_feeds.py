@@ -412,7 +412,7 @@ def test_the_generator_begins_now_although_its_simulation_took_a_while(monkeypat
     clock = iter([START_S - 0.5, START_S + 7.25])
     monkeypatch.setattr("coastwatch.server.feeds.sending.time", SimpleNamespace(time=lambda: next(clock)))
     scenario = load_scenario("guanabara", {"cycles": "4", "warmup_s": "0"})
-    batches = of_scenario(scenario, scenario.sensors(), now=True, plots_as_json=False)
+    batches = of_scenario(scenario, scenario.sensors(), ("ais", "asterix", "json"), now=True)
     (names_s, names), (first_s, first), *_ = batches
     assert (names_s, first_s) == (START_S + 7.0, START_S + 7.2)
     ais = parsed("ais+tcp://x:1")

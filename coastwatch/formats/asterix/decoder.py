@@ -69,7 +69,7 @@ def origins_of(feed: FeedSettings, sensors: Sensors) -> dict[tuple[int, int], Or
     radars, sources = [str(name) for name in sensors.radars.name], [str(name) for name in sensors.track_sources.name]
     out = {}
     for key, value in feed.options.items():
-        if key in ("name", "date"):
+        if key in ("name", "date", "source"):
             continue
         sac, _, sic = key.partition("/")
         if not (sac.isdecimal() and sic.isdecimal()) or value not in (*radars, *sources):
@@ -112,6 +112,7 @@ class AsterixDecoder:
         self.checked = checked
         self.stamps = Stamps(name, checked, self.tally)
         self._name, self._sensors = name, sensors
+        self._messages, self._where = 0, name  # datagrams that have come, and the location of the one that is decoded
         self._origins, self._date_s = origins, date_s
         self._plots = Waiting(self.counts, self.tally, RadarReports, ("sensor", "range_m", "azimuth_deg"))
         self._tracks = Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg"))
@@ -126,6 +127,8 @@ class AsterixDecoder:
         plots: list[Plot] = []
         tracks: list[tuple[int, Track]] = []
         for when, data, _ in items:
+            self._messages += 1
+            self._where = f"{self._name}:{self._messages}"
             for found in self._found(data, when, when if reference_s is None else reference_s):
                 if isinstance(found, Plot):
                     plots.append(found)
@@ -152,7 +155,7 @@ class AsterixDecoder:
             for block in blocks:
                 category = block.get_category()
                 if category not in lib.kinds:
-                    self.tally.add(OTHER_CATEGORY, self._name, str(category))
+                    self.tally.add(OTHER_CATEGORY, self._where, str(category))
                     continue
                 records = lib.kinds[category].cv_uap.parse(block.get_raw_records())
                 if isinstance(records, ValueError):
@@ -162,29 +165,29 @@ class AsterixDecoder:
                     if found is not None:
                         yield found
         except Exception as error:  # whatever a library raises on damaged bytes
-            self.tally.add(DAMAGED, self._name, f"{type(error).__name__}: {error}")
+            self.tally.add(DAMAGED, self._where, f"{type(error).__name__}: {error}")
 
     def _one(self, record: Any, category: int, arrived_s: float, about_s: float) -> Plot | tuple[int, Track] | None:
         """What a record holds; None: nothing that is used, which is counted."""
         identity, clock = record.get_item("010"), record.get_item(CLOCK[category])
         origin = None if identity is None else self._origin(category, *(uint_of(identity, x) for x in ("SAC", "SIC")))
         if origin is None:
-            self.tally.add(UNKNOWN_RADAR, self._name, "no item 010" if identity is None else str(identity.as_uint()))
+            self.tally.add(UNKNOWN_RADAR, self._where, "no item 010" if identity is None else str(identity.as_uint()))
             return None
         stamp_s = about_s if clock is None else self._instant_s(clock.variation.content.as_quantity("s"), about_s)
         time_s = self.stamps.time_s(stamp_s, arrived_s)
         if math.isnan(time_s):
             return None
         if category == 34 or (category == 10 and record.get_item("000").as_uint() != TARGET_REPORT):
-            self.tally.add(SERVICE, self._name)
+            self.tally.add(SERVICE, self._where)
             return None
         if _is_test(record.get_item("020")) and category != 62:
-            self.tally.add(TEST_TARGET, self._name)
+            self.tally.add(TEST_TARGET, self._where)
             return None
         if origin.is_track_source:
             track = track_of(record, category, time_s, self._sensors.track_sources.site_deg[origin.number])
             if isinstance(track, str):
-                self.tally.add(track, self._name)
+                self.tally.add(track, self._where)
                 return None
             return origin.number, track
         return self._plot(record, category, origin.number, time_s)
@@ -198,7 +201,7 @@ class AsterixDecoder:
     def _plot(self, record: Any, category: int, radar: int, time_s: float) -> Plot | None:
         position = record.get_item("040") if category in (48, 10) else None
         if position is None:
-            self.tally.add(NO_POSITION, self._name)
+            self.tally.add(NO_POSITION, self._where)
             return None
         if category == 10:
             return Plot(radar, time_s, quantity_of(position, "RHO", "m"), quantity_of(position, "TH", "°"))
@@ -273,4 +276,20 @@ def encode(reports: Reports, names: SensorNames) -> list[bytes]:
     return list(datagrams(reports.radar))
 
 
-ASTERIX = Format("asterix", decoder=_decoder, encode=encode, pictures=SystemTracks, in_datagrams=True)
+def block_length(data: bytes, begin: int) -> int:
+    """The length that a data block says of itself, as `Format.length`."""
+    length = int.from_bytes(data[begin + 1 : begin + 3], "big") if len(data) >= begin + 3 else 0
+    if len(data) >= begin + 3 and length <= 3:
+        raise ValueError(f"an ASTERIX data block of {length} bytes, needed more than 3")
+    return length
+
+
+ASTERIX = Format(
+    "asterix",
+    decoder=_decoder,
+    encode=encode,
+    encodes=("radar",),
+    pictures=SystemTracks,
+    in_datagrams=True,
+    length=block_length,
+)

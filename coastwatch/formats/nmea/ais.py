@@ -127,7 +127,7 @@ class AisDecoder:
             self._senders.popitem(last=False)
         every = [sender.stamps for sender in self._senders.values()]
         heard_s = max((one.heard_s for one in every), default=0.0)
-        self._newest = Newest.of([one for one in every if one.heard_s > heard_s - JUDGED_FOR_S], self._newest)
+        self._newest = Newest.of([one for one in every if one.heard_s >= heard_s - JUDGED_FOR_S], self._newest)
 
     def _bound(self) -> None:
         """Drop the oldest positions, and the oldest names and sizes, where too many wait. They are counted."""
@@ -283,4 +283,9 @@ def _cuts(decoders: Sequence[Decoder]) -> list[Cut]:
     return [Receivers([one for one in decoders if isinstance(one, AisDecoder)]).cut]
 
 
-AIS = Format("ais", decoder=_decoder, cuts=_cuts, encode=encode)
+def _stamps(lines: list[bytes]) -> Iterator[tuple[int, float]]:
+    for found in ais_sentences(lines, "", Tally()):
+        yield found.line, found.clock_s if math.isnan(found.own_s) else found.own_s
+
+
+AIS = Format("ais", decoder=_decoder, cuts=_cuts, encode=encode, encodes=("ais", "statics"), stamps=_stamps, numbered=True)

@@ -215,6 +215,7 @@ class TargetDecoder:
         site_deg = sources.site_deg[source] if site_deg is None else site_deg
         self._targets = TargetSentences(site_deg, float(sources.heading_deg[source]), math.nan, self.tally)
         self._waiting = Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg"))
+        self._seen = self._lines = 0  # lines that have come, and those before what is decoded
         self._before: list[Item] = []  # the last clock sentence, and lines that belong to the next sentence
 
     @property
@@ -224,6 +225,7 @@ class TargetDecoder:
 
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A sentence without a time has that of its arrival."""
+        self._seen += len(items)
         items = [*self._before, *items]
         ahead = len(items)
         while (
@@ -234,6 +236,7 @@ class TargetDecoder:
         ):
             ahead -= 1
         items, waiting = items[:ahead], items[ahead:]
+        self._lines = self._seen - len(waiting) - len(items)
         self._before = [*[item for item in items if item[1][3:6] in (b"ZDA", b"RMC")][-1:], *waiting]
         lines = [line for _, line, _ in items]
         states: list[State] = []
@@ -241,7 +244,7 @@ class TargetDecoder:
         for found in wanted_sentences(lines, self._name, self.tally, TARGETS + OWN_SHIP):
             when = items[found.line - 1][0]
             stamps = (s for s in (found.own_s, found.clock_s, when) if not math.isnan(s))
-            state = self._targets.state(found.sentence, next(stamps), self._name)
+            state = self._targets.state(found.sentence, next(stamps, math.nan), f"{self._name}:{self._lines + found.line}")
             if state is not None:
                 states.append(state)
                 arrived.append(when)
@@ -353,5 +356,5 @@ def _pictures(to: OutSettings) -> TargetEncoder:
     return TargetEncoder(to.site_deg)
 
 
-TTM = Format("ttm", decoder=_decoder, pictures=_pictures, needs_site=True)
+TTM = Format("ttm", decoder=_decoder, pictures=_pictures, needs_site=True, own_source=True)
 TLL = Format("tll", pictures=_pictures)

@@ -175,6 +175,11 @@ def fuse(parser: argparse.ArgumentParser) -> None:
         "NMEA 0183 with TTM or TLL"
     )
     completed_by(parser.add_argument("--tracks", metavar="FILE", nargs="+", default=[], help=text))
+    text = (
+        "a file of what a live feed carries, as lines, data blocks or a capture (PCAP), with options as of serve --feed: "
+        "asterix+file:plots.pcap?port=8600, json+file:bearings.jsonl; repeatable"
+    )
+    parser.add_argument("--feed", metavar="FORMAT+file:FILE", action="append", default=[], help=text)
     text = "where the radar of TTM sentences stands, if they come without the position of an own ship"
     parser.add_argument("--track-site", metavar="LAT,LON", type=position, help=text)
     one: dict[str, Any] = {"action": "append", "default": [], "metavar": "SPEC"}

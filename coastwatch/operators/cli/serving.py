@@ -18,6 +18,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from coastwatch.errors import InputError, RunFailedError
+from coastwatch.formats.registry import FORMATS
 from coastwatch.operators import presentation
 from coastwatch.operators.api import logs
 from coastwatch.operators.api.application import application
@@ -151,7 +152,7 @@ def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.so
         raise InputError("--speed: got it with --feed, needed one of them: feeds have their own speed")
     scenario = with_zones(load_scenario(name, options.settings), options.zones)
     feeds = [parsed(text) for text in options.feed]
-    scenario = with_track_sources(scenario, [address.source for address in feeds if address.format == "ttm"])
+    scenario = with_track_sources(scenario, [address.source for address in feeds if FORMATS[address.format].own_source])
     if options.role == "centre":
         scenario = of_centre(scenario, [region.name for region in regions])
     elif options.role == "region" and not scenario.radars:
@@ -225,13 +226,12 @@ def feed(options: argparse.Namespace) -> int:
     """Send a scenario or a recording to live feeds. Ctrl-C stops it."""
     addresses, now = [parsed(text) for text in options.to], False
     if Path(options.source).is_file() and not options.source.endswith(".toml"):
-        batches = of_file(Path(options.source))
+        batches = of_file(Path(options.source), [address.format for address in addresses])
     else:
         scenario = load_scenario(options.source, dict(options.settings))
         simulated = scenario.input.method in ("simulated", "crossing")
-        plots_as_json = all(address.format != "asterix" for address in addresses)
         now = simulated and options.speed == 1.0
-        batches = of_scenario(scenario, scenario.sensors(), now=now, plots_as_json=plots_as_json)
+        batches = of_scenario(scenario, scenario.sensors(), [address.format for address in addresses], now=now)
     stop = threading.Event()
     usual = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -240,7 +240,7 @@ def feed(options: argparse.Namespace) -> int:
         for s, handler in usual.items():
             signal.signal(s, handler)
     for address in addresses:
-        unit = "datagrams" if address.format == "asterix" else "lines"
+        unit = "datagrams" if FORMATS[address.format].in_datagrams else "lines"
         print(f"sent {sent[address.text]} {unit} to {address.text}")
     return 0
 

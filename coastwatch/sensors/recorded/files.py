@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gzip
 import re
 import zlib
 from collections import Counter
 from pathlib import Path
+from typing import IO, cast
 
 import coastwatch
 from coastwatch.errors import InputError
@@ -74,6 +76,13 @@ def fingerprint(paths: tuple[Path, ...]) -> Fingerprint:
         stat = path.stat()
         out.append((path, stat.st_size, stat.st_mtime_ns))
     return tuple(out)
+
+
+def opened(path: Path) -> IO[bytes]:
+    """The file, decompressed as it is read if it is gzip. Raises: OSError."""
+    with path.open("rb") as plain:
+        packed = plain.read(2) == GZIP_MAGIC
+    return cast(IO[bytes], gzip.open(path, "rb")) if packed else path.open("rb")
 
 
 def head(path: Path, size: int | None = None) -> bytes:

@@ -67,10 +67,6 @@ class MergedStream:
         """As `ReportStream.between`."""
         return Reports.merged([part.between(after_s, until_s) for part in self._parts])
 
-    def head(self) -> Reports:
-        """As `ReportStream.head`."""
-        return Reports.merged([part if isinstance(part, Reports) else part.head() for part in self._parts])
-
     def rest(self, after_s: float) -> int:
         """As `ReportStream.rest`."""
         return len(self._fixed.between(after_s, np.inf)) + sum(part.rest(after_s) for part in self._streams)

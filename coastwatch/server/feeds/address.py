@@ -39,9 +39,9 @@ class Address:
         """The track source that its tracks are of."""
         return self.options.get("source", self.name)[:LONGEST_NAME]
 
-    def settings(self, number: int, checked: bool) -> FeedSettings:
+    def settings(self, checked: bool) -> FeedSettings:
         """What its format is told of it. Args: as of `FeedSettings`."""
-        return FeedSettings(self.name, self.text, self.options, self.source, number, checked)
+        return FeedSettings(self.name, self.text, self.options, self.source, checked=checked)
 
 
 def parsed(text: str) -> Address:

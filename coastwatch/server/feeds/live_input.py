@@ -18,10 +18,9 @@ from typing import Literal, Self
 
 from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors, TrackReports
 from coastwatch.errors import AddressError
-from coastwatch.formats.decoding import FAR_AHEAD_S, Cut, Decoder, Item, OptionError
+from coastwatch.formats.decoding import BEFORE_RUN, DROPPED, FAR_AHEAD_S, LATE, Decoder, Item, OptionError, decode
 from coastwatch.formats.intake.faults import refused
-from coastwatch.formats.nmea.ais import AIS
-from coastwatch.formats.registry import DECODED, FORMATS
+from coastwatch.formats.registry import FORMATS, decoders_of
 from coastwatch.scenario import Scenario
 from coastwatch.server.clock import CLOCK, ClockSet, now_s
 from coastwatch.server.feeds.address import Address
@@ -46,11 +45,6 @@ AHEAD_OF_CYCLE_S = 60.0
 
 THROWN_WITHIN_S, LEAST_THROWN, THROWN_SHARE = 60.0, 10, 0.2
 """A feed is in trouble when so many of its reports in so long were thrown away, and this share."""
-
-LATE = "report later than its cycle"
-BEFORE_RUN = "report from before the run began"
-BROKEN = "defect of its decoder"
-DROPPED = "dropped: no room, or too long"
 
 FIRST_S = 0.0
 """Before the first cycle of any region: one cycle of each is taken."""
@@ -81,16 +75,9 @@ class _Feed:
         return now_s() - max(self.inbox.heard_s, self.began_s)
 
     def decode(self, reference_s: float | None) -> None:
-        """Decode what has come. Whatever a decoder raises, the other lines are used. Args: as of `Decoder.take`."""
+        """Decode what has come. Args: as of `Decoder.take`."""
         items, self.items = self.items, []
-        try:
-            self.decoder.take(items, reference_s)
-        except Exception:
-            for item in items:
-                try:
-                    self.decoder.take([item], reference_s)
-                except Exception as error:
-                    self.decoder.tally.add(BROKEN, self.inbox.address.name, f"{type(error).__name__}: {error}")
+        decode(self.decoder, self.inbox.address.name, items, reference_s)
 
     def look(self) -> None:
         """Note the counts, for `troubles`."""
@@ -132,25 +119,6 @@ class _Feed:
         )
 
 
-def _decoders(addresses: Sequence[Address], sensors: Sensors, checked: bool) -> tuple[list[Decoder], list[Cut]]:
-    """A decoder of each feed, and the cuts of all of them, in order of the feeds. Raises: AddressError."""
-    made: list[Decoder] = []
-    rows: dict[str, list[int]] = {}
-    for row, address in enumerate(addresses):
-        format_, of_format = FORMATS[address.format], rows.setdefault(address.format, [])
-        if format_.decoder is None:
-            raise AddressError(f"feed: got {address.text!r}, needed a format of {', '.join(DECODED)}")
-        try:
-            made.append(format_.decoder(address.settings(len(of_format), checked), sensors))
-        except OptionError as error:
-            raise AddressError(str(error)) from error
-        of_format.append(row)
-    cuts: list[tuple[int, Cut]] = []
-    for name, own in rows.items():
-        cuts += zip(own, FORMATS[name].cuts([made[row] for row in own]), strict=False)  # AIS has one cut of all its feeds
-    return made, [cut for _, cut in sorted(cuts, key=lambda pair: pair[0])]
-
-
 class LiveInput:
     """Feeds and regions as the input of a live run. Use it in a `with` block, in which it receives."""
 
@@ -171,9 +139,13 @@ class LiveInput:
         self._has_begun = False
         self._period_s, self._decoded_s = 0.0, now_s()  # of a cycle; when decoding ended last
         self._receiver = Receiver(addresses)
-        made, self._cuts = _decoders(addresses, sensors, clock == "wall")
-        self._feeds = [_Feed(inbox, decoder) for inbox, decoder in zip(self._receiver.inboxes, made, strict=True)]
-        self._names = tuple(address.name for address in addresses if address.format == AIS.name)
+        feeds = [(address.format, address.settings(clock == "wall")) for address in addresses]
+        try:
+            decoders, self._cuts = decoders_of(feeds, sensors)
+        except OptionError as error:
+            raise AddressError(str(error)) from error
+        self._feeds = [_Feed(inbox, decoder) for inbox, decoder in zip(self._receiver.inboxes, decoders, strict=True)]
+        self._names = tuple(address.name for address in addresses if FORMATS[address.format].numbered)
 
     @property
     def dateless(self) -> list[str]:
@@ -279,10 +251,6 @@ class LiveInput:
     def intake(self) -> list[Intake]:
         """As `Input.intake`."""
         return [one for region in self._regions for one in region.intake()]
-
-    def head(self) -> Reports:
-        """As `ReportStream.head`: nothing is known ahead."""
-        return Reports.empty()
 
     def faults(self) -> tuple[Fault, ...]:
         """As `ReportStream.faults`, with what was late or dropped."""

@@ -6,20 +6,21 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-from coastwatch.batches import RadarReports, Reports, Sensors
-from coastwatch.errors import AddressError
+from coastwatch.batches import Reports, Sensors
+from coastwatch.errors import AddressError, InputError
 from coastwatch.formats.format import SensorNames
 from coastwatch.formats.intake.faults import Tally
-from coastwatch.formats.nmea.sentences import ais_sentences
 from coastwatch.formats.registry import FORMATS
 from coastwatch.scenario import Scenario
+from coastwatch.sensors.captures import is_capture
+from coastwatch.sensors.files import WireFile, items_of
 from coastwatch.sensors.recorded.nmea.feed import lines_of
 from coastwatch.server.feeds.address import MQTT_PORTS, Address
 from coastwatch.server.link import Backoff, Link, Reconnecting
@@ -63,56 +64,72 @@ def send(
     return sent
 
 
-def of_scenario(scenario: Scenario, sensors: Sensors, *, now: bool, plots_as_json: bool) -> Iterator[Batch]:
+def of_scenario(scenario: Scenario, sensors: Sensors, formats: Collection[str], *, now: bool) -> Iterator[Batch]:
     """The reports of a scenario's input by arrival.
 
-    Args: now: shift a simulation so that it begins now. What was made while it was computed is left out, but for names and sizes: a
-    server would count it as late.
+    Args: formats: to which they are sent; now: shift a simulation so that it begins now. What was made while it was computed is left
+    out, but for names and sizes: a server would count it as late.
     """
     plan = scenario.plan()
     if now:
         plan = plan.model_copy(update={"start_s": float(math.ceil(time.time()))})
     recording = scenario.input.load(sensors, scenario.seed, plan)
-    names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name}
+    encode = partial(_encoded, _kinds(formats), {"plot": sensors.radars.name, "bearing": sensors.sonars.name})
     before_s, stop_s = plan.start_s, plan.instant_s(plan.cycles - 1)
     begin_s = float(math.floor(time.time())) if now else before_s
     if begin_s > before_s:
         named = replace(Reports.empty(), statics=recording.reports.between(before_s, begin_s).statics)
-        yield begin_s, partial(_of_formats, {}, named, names)
+        yield begin_s, partial(encode, named)
         before_s = begin_s
     while before_s < stop_s:
         until_s = before_s + STEP_S
-        part = recording.reports.between(before_s, until_s)
-        as_json = part if plots_as_json else replace(part, radar=RadarReports.empty())
-        yield until_s, partial(_of_formats, {"json": as_json}, part, names)
+        yield until_s, partial(encode, recording.reports.between(before_s, until_s))
         before_s = until_s
 
 
-def _of_formats(special: dict[str, Reports], usual: Reports, names: SensorNames, address: Address) -> list[bytes]:
-    return encoded(special.get(address.format, usual), address, names)
+def _kinds(formats: Collection[str]) -> dict[str, list[str]]:
+    """The kinds of reports that each format carries: a kind that several could carry goes by the one that carries least else."""
+    found = {name: FORMATS[name].encodes for name in formats}
+    least = {kind: min(len(own) for own in found.values() if kind in own) for kinds in found.values() for kind in kinds}
+    return {name: [kind for kind in kinds if len(kinds) == least[kind]] for name, kinds in found.items()}
 
 
-def of_file(path: Path) -> Iterator[Batch]:
-    """The lines of a recording of AIS sentences by their time stamps. Lines without a time go with the one before."""
+def _encoded(kinds: dict[str, list[str]], names: SensorNames, reports: Reports, address: Address) -> list[bytes]:
+    own = {kind: getattr(reports, kind) for kind in kinds[address.format]}
+    return encoded(replace(Reports.empty(), **own), address, names)
+
+
+def of_file(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
+    """The messages of a recording, as they are: of a capture by the times of its packets, else lines by their time stamps.
+
+    Lines without a time go with the one before. Args: formats: to which they are sent. Raises: InputError.
+    """
+    if is_capture(path):
+        for when_s, message, _ in items_of(WireFile(str(path), formats[0], path), Tally()):
+            yield when_s, partial(_constant, formats, [message])
+        return
+    name = next((name for name in formats if FORMATS[name].stamps is not None), "")
+    if not name or (stamps := FORMATS[name].stamps) is None:
+        known = " or ".join(name for name, one in FORMATS.items() if one.stamps is not None)
+        raise InputError(f"feed: got {path} for {', '.join(formats)}, needed a feed of {known}, or a capture (PCAP)")
     lines = [line.rstrip(b"\r\n") for line in lines_of(path, Tally())]
     begin, time_s = 0, -math.inf
-    for found in ais_sentences(lines, path.name, Tally()):
-        stamp_s = found.clock_s if math.isnan(found.own_s) else found.own_s
+    for number, stamp_s in stamps(lines):
         if stamp_s > time_s:
-            if math.isfinite(time_s) and found.line - 1 > begin:
-                yield time_s, _constant(lines[begin : found.line - 1])
-                begin = found.line - 1
+            if math.isfinite(time_s) and number - 1 > begin:
+                yield time_s, partial(_constant, [name], lines[begin : number - 1])
+                begin = number - 1
             time_s = stamp_s
     if begin < len(lines):
-        yield max(time_s, 0.0), _constant(lines[begin:])
+        yield max(time_s, 0.0), partial(_constant, [name], lines[begin:])
 
 
-def _constant(lines: list[bytes]) -> Callable[[Address], list[bytes]]:
-    return lambda address: lines if address.format == "ais" else []
+def _constant(formats: Sequence[str], messages: list[bytes], address: Address) -> list[bytes]:
+    return messages if address.format in formats else []
 
 
 def encoded(reports: Reports, address: Address, names: SensorNames) -> list[bytes]:
-    """The reports that a feed of this format carries: AIS sentences, ASTERIX datagrams, or JSON lines of plots and bearings."""
+    """The reports that a feed of this format carries, as its lines or datagrams."""
     encode = FORMATS[address.format].encode
     return [] if encode is None else encode(reports, names)
 
@@ -178,7 +195,8 @@ class _File:
 
 def _opened(address: Address, stack: ExitStack) -> Sender:
     if address.transport in MQTT_PORTS or FORMATS[address.format].encode is None:
-        raise AddressError(f"feed: got {address.text!r}, needed a feed of ais, asterix or json that is not MQTT, to send to it")
+        known = " or ".join(", ".join(name for name, one in FORMATS.items() if one.encode).rsplit(", ", 1))
+        raise AddressError(f"feed: got {address.text!r}, needed a feed of {known} that is not MQTT, to send to it")
     if address.transport == "udp":
         return _Datagrams(address, stack)
     return _File(address, stack) if address.transport == "file" else _Stream(address, stack)

@@ -25,7 +25,7 @@ from coastwatch.formats.intake.reception_time import TIME_MISSING, reception_tim
 from coastwatch.formats.nmea.messages import Assembler, Messages
 from coastwatch.formats.nmea.payload import decoded
 from coastwatch.formats.nmea.sentences import ais_sentences
-from coastwatch.sensors.recorded.files import GZIP_MAGIC, Fingerprint, fingerprint, has_sentences
+from coastwatch.sensors.recorded.files import GZIP_MAGIC, Fingerprint, fingerprint, has_sentences, opened
 from coastwatch.sensors.recorded.merging import span_of
 from coastwatch.stage import Method, NotNegative, Plan
 
@@ -255,10 +255,6 @@ class NmeaStream:
         """The reports with after_s < received_s <= until_s. Older ones are dropped; those after wait for the next call."""
         return Reports.merged([_reports(*file.between(after_s, until_s)) for file in self._files])
 
-    def head(self) -> Reports:
-        """The reports of the first blocks, at least one of each file that has any. They stay in the stream."""
-        return Reports.merged([_reports(*file.head()) for file in self._files])
-
     def rest(self, after_s: float) -> int:
         """As `ReportStream.rest`."""
         return sum(file.rest(after_s) for file in self._files)
@@ -351,7 +347,7 @@ def _tail(path: Path) -> list[bytes]:
 def lines_of(path: Path, tally: Tally) -> Iterator[bytes]:
     """The lines of a file, decompressed if needed. A truncated file is counted and used as far as it goes."""
     read = 0
-    with gzip.open(path, "rb") if _packed(path) else path.open("rb") as stream:
+    with opened(path) as stream:
         try:
             for line in stream:
                 read += 1

@@ -21,15 +21,19 @@ from coastwatch.batches import (
     RadarReports,
     Radars,
     Recording,
+    ReportStream,
     Sensors,
     Sonars,
+    Stations,
     TrackReports,
     TrackSources,
 )
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
+from coastwatch.formats.registry import FORMATS
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
+from coastwatch.sensors.files import WireFile, WireStream, wire_file
 from coastwatch.sensors.recorded.files import fingerprint
 from coastwatch.sensors.recorded.merging import MergedStream, by_arrival, recording, span_of
 from coastwatch.sensors.recorded.nmea.feed import Nmea, first_and_last
@@ -54,8 +58,10 @@ RANGE = "range out of range"
 AZIMUTH = "angle out of range"
 NO_SIGMA = SET_ASIDE + "standard deviation of 0 or less, that of the sensor taken: "
 
-PARTS = ("plots", "bearings", "ais", "nmea", "tracks", "track_sentences")
+PARTS = ("plots", "bearings", "ais", "nmea", "tracks", "track_sentences", "feeds")
 """Settings that hold files."""
+
+NO_SENSORS = Sensors(Radars.empty(), Stations.empty(), Sonars.empty(), (), np.zeros((0, 2)))
 
 
 class PlotColumns(Settings):
@@ -102,6 +108,7 @@ class Tables(Method):
     nmea: tuple[Path, ...] = ()  # files of NMEA 0183 with AIS
     tracks: tuple[Path, ...] = ()  # tables of finished tracks
     track_sentences: tuple[Path, ...] = ()  # files of NMEA 0183 with TTM or TLL
+    feeds: tuple[str, ...] = ()  # files of what live feeds carry, and captures: "asterix+file:plots.pcap?port=8600"
     plot_columns: PlotColumns = PlotColumns()  # names of the columns
     bearing_columns: BearingColumns = BearingColumns()  # names of the columns
     ais_columns: AisColumns = AisColumns()  # names of the columns
@@ -121,6 +128,7 @@ class Tables(Method):
     def _has_files(self) -> Self:
         if not any(getattr(self, part) for part in PARTS):
             raise InputError(f"{', '.join(PARTS)}: got no file, needed at least one")
+        self._wire_files()
         return self
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
@@ -142,13 +150,14 @@ class Tables(Method):
             faults = of_tables + faults
         contents = (self._ais_table().contents() if self.ais else ()) + tally.contents()
         made = replace(recording(radar, ais, statics, bearing, tracks, faults=faults), contents=contents)
-        made = replace(made, feeds=tuple(path.name for path in (*self.ais, *self.nmea)))
-        if not self.nmea:
-            return made
-        return replace(made, reports=MergedStream(made.whole(), [self._nmea().stream(len(self.ais))]))
+        numbered = [file.path for file in self._wire_files() if FORMATS[file.format].numbered]
+        made = replace(made, feeds=tuple(path.name for path in (*self.ais, *self.nmea, *numbered)))
+        streams: list[ReportStream] = [self._nmea().stream(len(self.ais))] if self.nmea else []
+        streams += [self._wire_stream(sensors)] if self.feeds else []
+        return replace(made, reports=MergedStream(made.whole(), streams)) if streams else made
 
-    def span(self) -> tuple[float, float]:
-        """Whole seconds before the first and after the last time of reception.
+    def span(self, sensors: Sensors = NO_SENSORS) -> tuple[float, float]:
+        """Whole seconds before the first and after the last time of reception. Args: sensors: which `feeds` name.
 
         Raises: InputError if no record is usable.
         """
@@ -172,12 +181,19 @@ class Tables(Method):
             ends = first_and_last(self._nmea(), fingerprint(self.nmea))
             received.append(ends.received_s)
             faults = ends.faults + faults
+        if self.feeds:
+            stream = self._wire_stream(sensors)
+            first_s, last_s = stream.span()
+            received += [np.array([first_s, last_s])] if first_s <= last_s else []
+            faults = stream.faults() + faults
         return span_of(*received, faults=faults)
 
     def first_positions(self) -> Floats:
-        """Positions of AIS: of the whole tables, and of the starts of files of NMEA. (M, 2) deg"""
+        """Positions of AIS: of the whole tables, and of the starts of files of NMEA and of wire formats. (M, 2) deg"""
         parts = [self._ais_table().read()[0].position_deg] if self.ais else []
         parts += [first_and_last(self._nmea(), fingerprint(self.nmea)).first_deg] if self.nmea else []
+        numbered = [file for file in self._wire_files() if FORMATS[file.format].numbered]
+        parts += [WireStream(numbered, NO_SENSORS, self.intake.lateness_s).first().ais.position_deg] if numbered else []
         return np.concatenate([np.zeros((0, 2)), *parts])
 
     def first_sites(self) -> dict[str, tuple[float, float]]:
@@ -200,7 +216,10 @@ class Tables(Method):
         files = [*self.tracks, *self.track_sentences]
         parts = [TrackReports.empty()]
         for number, (path, _, _) in enumerate(fingerprint(tuple(files))):
-            only = 0 if len(sources) == 1 else number if len(sources) == len(files) else None
+            of_files = len(sources) == len(files) or (
+                len(sources) > len(files) and bool(self.feeds)
+            )  # those of feeds come last
+            only = 0 if len(sources) == 1 else number if of_files else None
             if number >= len(self.tracks):
                 if only is None:
                     raise InputError(f"{path.name}: got {len(sources)} track_sources for {len(files)} files, needed as many")
@@ -209,6 +228,13 @@ class Tables(Method):
                 form = self.time_format, self.separator, self.speed_unit
                 parts.append(track_reports(path, sources, only, self.track_columns, *form, intake=self.intake, tally=tally))
         return by_arrival(parts)
+
+    def _wire_files(self) -> list[WireFile]:
+        """Raises: InputError."""
+        return [wire_file(text) for text in self.feeds]
+
+    def _wire_stream(self, sensors: Sensors) -> WireStream:
+        return WireStream(self._wire_files(), sensors, self.intake.lateness_s, len(self.ais) + len(self.nmea))
 
     def _assumed_s(self) -> float:
         return math.nan if self.assume_start_utc is None else self.assume_start_utc.timestamp()

@@ -1,0 +1,210 @@
+"""Files of wire formats as a stream of reports: a file, and the format that decodes it, in memory that does not grow with the file."""
+
+from __future__ import annotations
+
+import gzip
+import math
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+from coastwatch.batches import Fault, FileContent, Reports, Sensors
+from coastwatch.errors import InputError
+from coastwatch.formats.decoding import DROPPED, LATE, Decoder, FeedSettings, Item, decode
+from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.registry import DECODED, FORMATS, decoders_of
+from coastwatch.sensors.captures import Bytes, datagrams, is_capture
+from coastwatch.sensors.recorded.files import found, opened
+
+BLOCK_BYTES = 1 << 18
+"""Bytes of a file that are read at a time."""
+
+LONGEST = 65_536
+"""Bytes of a message, as of a live feed."""
+
+BATCH = 1_000
+"""Messages that are decoded at a time: what comes out does not depend on how the file was read."""
+
+CUT_FILE, DAMAGED_FILE = "file cut short", "file damaged, not read any further"
+TOO_LONG = "message too long"
+LONGEST_NAME = 32  # of a source
+
+
+@dataclass(frozen=True)
+class WireFile:
+    """A file of a wire format. `text` is how it was given."""
+
+    text: str
+    format: str  # of DECODED
+    path: Path
+    options: dict[str, str] = field(default_factory=dict)
+    port: int | None = None  # of a capture: to which its datagrams were sent; None: all of them
+
+    @property
+    def source(self) -> str | None:
+        """The track source that its tracks are of; None: its format or its content says."""
+        own = self.path.name if FORMATS[self.format].own_source else None
+        return self.options.get("source", own and own[:LONGEST_NAME])
+
+    def settings(self) -> FeedSettings:
+        """What its format is told of it."""
+        return FeedSettings(self.path.name, self.text, self.options, self.source or "", checked=False)
+
+
+def wire_file(text: str) -> WireFile:
+    """The file of an address such as asterix+file:plots.pcap?port=8600. Raises: InputError."""
+    parts = urlsplit(text, allow_fragments=False)
+    format_, _, transport = parts.scheme.partition("+")
+    path, options = unquote(parts.netloc + parts.path), dict(parse_qsl(parts.query))
+    port = options.pop("port", None)
+    if format_ not in DECODED or transport != "file" or not path or (port is not None and not port.isdecimal()):
+        raise InputError(
+            f"feed: got {text!r}, needed FORMAT+file:PATH with FORMAT one of {', '.join(DECODED)}, e.g. "
+            "asterix+file:plots.pcap?port=8600, json+file:bearings.jsonl"
+        )
+    return WireFile(text, format_, Path(path), options, None if port is None else int(port))
+
+
+def items_of(file: WireFile, tally: Tally) -> Iterator[Item]:
+    """The messages of a file in their order: of a capture with their times of arrival, else with NaN.
+
+    A file that is cut short or damaged is counted, and used as far as it goes. Raises: OSError, InputError that names file and byte.
+    """
+    path, format_ = found(file.path), FORMATS[file.format]
+    used = False
+    with opened(path) as opened_file:
+        stream = Bytes(opened_file)
+        try:
+            if is_capture(path):
+                for when_s, payload, sender in datagrams(stream, path.name, file.port, tally):
+                    for message in [payload] if format_.in_datagrams else payload.splitlines():
+                        used = True
+                        yield when_s, message, sender
+            else:
+                for message in _messages(stream, format_.length, path.name, tally):
+                    used = True
+                    yield math.nan, message, 0
+        except (EOFError, ValueError, zlib.error, gzip.BadGzipFile) as error:
+            if not used:
+                raise InputError(f"{path}: byte {stream.at}: got {error}, needed {file.format} or a capture of it") from error
+            kind = CUT_FILE if isinstance(error, EOFError) else DAMAGED_FILE
+            tally.add(kind, f"{path.name}: byte {stream.at}", str(error), used=True)
+
+
+def _messages(stream: Bytes, length: Callable[[bytes, int], int], name: str, tally: Tally) -> Iterator[bytes]:
+    """The messages of a file without their ends of line. Args: length: as of `Format`.
+
+    Raises: EOFError: the last one is cut short; ValueError: the bytes are none.
+    """
+    rest, rest_at, too_long = b"", 0, False
+    while block := stream.read(BLOCK_BYTES):
+        rest += block
+        begin = 0
+        while begin < (end := begin + length(rest, begin)) <= len(rest):
+            if end - begin > LONGEST or too_long:
+                tally.add(TOO_LONG, f"{name}: byte {rest_at + begin}", count=int(not too_long))
+            else:
+                yield rest[begin:end].rstrip(b"\r\n")
+            begin, too_long = end, False
+        rest, rest_at = rest[begin:], rest_at + begin
+        if len(rest) > LONGEST:
+            tally.add(TOO_LONG, f"{name}: byte {rest_at}", count=int(not too_long))
+            rest, rest_at, too_long = b"", rest_at + len(rest), True
+    if rest and not too_long:
+        if b"\n" not in rest and length(rest + b"\n", 0) == len(rest) + 1:  # the last line, without its end
+            yield rest.rstrip(b"\r")
+        else:
+            raise EOFError(f"{len(rest)} bytes of a message without its end")
+
+
+class _File:
+    """One file as it is decoded."""
+
+    def __init__(self, file: WireFile, decoder: Decoder) -> None:
+        self.name, self.format, self.decoder = file.path.name, file.format, decoder
+        self.is_read = False
+        self._items = items_of(file, decoder.tally)
+
+    def read_beyond(self, time_s: float) -> None:
+        """Decode until a report is newer than an instant, or to the end."""
+        while not self.is_read and not self.decoder.stamps.newest_s > time_s:
+            items = list(islice(self._items, BATCH))
+            self.is_read = len(items) < BATCH
+            newest_s = self.decoder.stamps.newest_s
+            raw = bool(items) and math.isnan(items[0][0])
+            decode(self.decoder, self.name, items, newest_s if raw and math.isfinite(newest_s) else None)
+
+    def faults(self) -> list[Fault]:
+        """What was refused or set aside so far, with what came too late."""
+        counts = self.decoder.counts
+        counted = (LATE, counts.late), (DROPPED, counts.dropped)
+        return [*self.decoder.tally.faults(), *(Fault(kind, count, self.name, "") for kind, count in counted if count)]
+
+    def content(self) -> FileContent:
+        """What was taken so far."""
+        stamps, counts = self.decoder.stamps, self.decoder.counts
+        records = counts.records + counts.before_run
+        span = (stamps.first_s, stamps.newest_s) if records else (math.nan, math.nan)
+        refused = sum(fault.count for fault in self.faults() if not fault.used)
+        return FileContent(self.name, f"{self.format} reports", records, *span, read=records + refused)
+
+
+class WireStream:
+    """The reports of some files, by the time they were made. It is read once, forwards."""
+
+    def __init__(self, files: Sequence[WireFile], sensors: Sensors, lateness_s: float, first_feed: int = 0) -> None:
+        """Args: lateness_s: a report may be this much older than the newest before it; first_feed: number of the first one.
+
+        Raises: InputError, OSError.
+        """
+        self._lateness_s = lateness_s
+        decoders, self._cuts = decoders_of([(file.format, file.settings()) for file in files], sensors, first_feed)
+        for file, decoder in zip(files, decoders, strict=True):
+            if not decoder.has_dates and not is_capture(found(file.path)):
+                raise InputError(
+                    f"{file.path}: got times of day without a date, needed the day of its first report behind '?': "
+                    f"{file.format}+file:{file.path}?date=YYYY-MM-DD; or a capture, whose packets have times"
+                )
+        self._files = [_File(file, decoder) for file, decoder in zip(files, decoders, strict=True)]
+
+    def between(self, after_s: float, until_s: float) -> Reports:
+        """As `ReportStream.between`."""
+        for file in self._files:
+            file.read_beyond(until_s + self._lateness_s)
+        return Reports.merged([Reports.empty(), *(cut(after_s, until_s) for cut in self._cuts)])
+
+    def first(self) -> Reports:
+        """The reports of the first batch of each file. They do not stay in the stream."""
+        for file in self._files:
+            file.read_beyond(-math.inf)
+        return Reports.merged([Reports.empty(), *(cut(-math.inf, math.inf) for cut in self._cuts)])
+
+    def rest(self, after_s: float) -> int:
+        """As `ReportStream.rest`."""
+        count, until_s = 0, after_s
+        while not all(file.is_read for file in self._files):
+            part = self.between(after_s, until_s)
+            count, after_s = count + len(part), until_s
+            until_s = max(until_s, min(self._newest_s(), default=until_s))
+        return count + len(self.between(after_s, math.inf))
+
+    def span(self) -> tuple[float, float]:
+        """The times of the first and the last report. It reads all files to their ends."""
+        self.rest(-math.inf)
+        stamps = [file.decoder.stamps for file in self._files]
+        return min(one.first_s for one in stamps), max(one.newest_s for one in stamps)
+
+    def faults(self) -> tuple[Fault, ...]:
+        """As `ReportStream.faults`."""
+        return tuple(fault for file in self._files for fault in file.faults())
+
+    def contents(self) -> tuple[FileContent, ...]:
+        """As `ReportStream.contents`."""
+        return tuple(file.content() for file in self._files)
+
+    def _newest_s(self) -> Iterator[float]:
+        """The newest time of each file that is not read to its end."""
+        return (file.decoder.stamps.newest_s for file in self._files if not file.is_read)
