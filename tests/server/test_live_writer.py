@@ -381,17 +381,17 @@ def test_a_change_between_two_attempts_of_a_run_is_written_by_the_next_and_what_
     memory: dict[int, object] = {}
     with pytest.raises(NotRunning):
         run.later(lambda: 7)
-    with run.writer(1, Stopwatch(), database.write) as writer:
+    with run.writer(1, Stopwatch(), database.write, lambda: None) as writer:
         writer.put(record(0, memory))
         wait_for(lambda: writer.is_idle)
     said = run.later(lambda: 7)
     database.away, lost = StoreError("disk full"), record(1, dict(memory), flagged=A)
-    with pytest.raises(StoreError, match="1 cycles"), run.writer(1, Stopwatch(), database.write) as writer:
+    with pytest.raises(StoreError, match="1 cycles"), run.writer(1, Stopwatch(), database.write, lambda: None) as writer:
         writer.put(lost)
     assert run.counts()["store_forgotten"] == 1, "an event of a cycle that was not written"
     assert not said.done()
     database.away = None
-    with run.writer(1, Stopwatch(), database.write) as writer:
+    with run.writer(1, Stopwatch(), database.write, lambda: None) as writer:
         assert run.counts()["store_forgotten"] == 1
         assert not said.done(), "of a run that goes on from a checkpoint, cycles are replaced first"
         writer.put(record(1, memory))
