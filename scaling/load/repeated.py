@@ -46,10 +46,6 @@ class RepeatedStream:
             parts.append(_later(self._reports.between(after_s - shift_s, until_s - shift_s), shift_s))
         return Reports.merged(parts)
 
-    def head(self) -> Reports:
-        """As `ReportStream.head`."""
-        return self._reports
-
     def faults(self) -> tuple[Fault, ...]:
         """As `ReportStream.faults`."""
         return ()

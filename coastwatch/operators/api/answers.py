@@ -23,7 +23,6 @@ from coastwatch.operators.api.validation import CheckedRoute
 from coastwatch.operators.api.wire import Encoder
 from coastwatch.operators.selection import order, selected
 from coastwatch.operators.typed import box, utc
-from coastwatch.server.link import FeedState
 from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture, of_store
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import ONE_LINE
@@ -342,9 +341,9 @@ def sensor_cover(
 
 
 @router.get("/feeds")
-def feeds(service: In) -> dict[str, list[FeedState]]:
+def feeds(service: In) -> dict[str, list[dict[str, object]]]:
     """The live feeds with their counters; none where a database is followed."""
-    return {"feeds": service.feeds()}
+    return {"feeds": [dict(state) for state in service.feeds()]}
 
 
 @router.get("/runs", responses=ROWS)
