@@ -26,8 +26,8 @@ from coastwatch.tracks.bearing import (
     BearingWindow,
     _evenly,
     _few,
-    _looks,
     _near_in_bearing,
+    _rounds,
 )
 
 pytestmark = pytest.mark.contract
@@ -386,7 +386,7 @@ def test_looks_are_the_times_of_each_sensor_in_turn(seed: int, count: int) -> No
     sensor, time_s = rng.integers(0, 3, count), np.sort(rng.integers(0, 9, count) / 3.0)
     reports = say(sensor, time_s, np.full(count, 20.0), -1)
     assert _few(reports).all()
-    looks = [rows.tolist() for rows in _looks(reports)]
+    looks = [rows.tolist() for rows in _rounds(reports.sensor, reports.time_s)]
     times = [np.unique(time_s[sensor == k]) for k in range(3)]
     wanted = [
         [i for i in range(count) if r < len(times[sensor[i]]) and time_s[i] == times[sensor[i]][r]]
