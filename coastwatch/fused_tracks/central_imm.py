@@ -33,6 +33,7 @@ Four = tuple[Positive, Positive, Positive, Positive]
 MODELS = 4  # steady, changing speed, agile: constant velocity; turning: coordinated turn
 FEW = 512  # fewer filters are not worth a thread
 ALONG_M = 1e5  # standard deviation of a bearing along the line of sight: 1000 times what any vessel is known to
+LEAST_GAIN = 0.25  # of the variance of an AIS track: a smaller difference from it is not tested more narrowly
 SEARCH_STEPS = 16  # of the covariance intersection at which a filter begins
 
 
@@ -79,12 +80,17 @@ class CentralImm(Method):
       splits, both parts begin again.
     - If AIS is in the vessel, shares of a plot's variance are added along and across the beam. The registration error of a radar is
       the same in every plot, and would otherwise outweigh the AIS.
+    - A plot that contradicts the filter of a vessel with AIS counts less: it may be an echo of another vessel (`plot_doubt`).
+    - A vessel is reported as its AIS track where the filter contradicts that track (`ais_doubt`), or is less certain. An efficient
+      estimate differs from a consistent one by the difference of their covariances. So plots of a neighbour, or of a radar whose
+      noise is larger than it states, never make the vessel worse than its AIS.
     - A late report is moved to the filter's time by the velocity.
     - A bearing that is of the vessel with `bearing_probability` moves the filter across the line of sight. A vessel that has lost
       its tracks goes on by bearings for `bearing_hold_s`. Its filter begins with the first bearing, if it has but one track.
 
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
-    section III-F (fusion by IMM); Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, 2011, section 8.2 (central fusion).
+    section III-F (fusion by IMM); Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, 2011, section 8.2 (central fusion);
+    J. A. Hausman, Specification tests in econometrics, Econometrica 46(6), 1978 (difference of two estimates).
     """
 
     method: Literal["central_imm"] = "central_imm"
@@ -97,6 +103,8 @@ class CentralImm(Method):
     turn_rate_sigma_deg_s: Positive = 0.5  # of turn rates before anything is known
     range_registration: NotNegative = 0.5  # share of a plot's variance along the beam that is added where AIS is in the vessel
     azimuth_registration: NotNegative = 1.5  # share of the variance across the beam, the same
+    plot_doubt: Positive = 9.2  # normalised innovation squared from which a plot counts less, where AIS is in the vessel
+    ais_doubt: Positive = 9.2  # normalised squared distance from the AIS track at which the vessel is reported as that track
     unknown_velocity_sigma_m_s: Positive = 0.5  # of tracks that come without covariance
     bearing_probability: PositiveShare = 0.99  # least, of bearings that are used; 1: none
     bearing_gate_sigmas: Positive = 4.0  # bearings farther from the filter are not used
@@ -136,6 +144,7 @@ class CentralImm(Method):
         for estimate, of_tracks in zip(out, first, strict=True):
             estimate[plan.new] = of_tracks
         self._report(filters, plan, reported, time_s, out)
+        self._leave_to_ais(tracks, associations.vessel, kind, out)
         return filters, out.at_time(time_s)
 
     def _with_held(
@@ -193,19 +202,21 @@ class CentralImm(Method):
         noise[:, :2, :2], noise[:, 2:, 2:] = m.covariance[:, :2, :2], m.covariance[:, 2:, 2:]
         plots = np.flatnonzero((m.sensor >= 0) & has_ais[filter_of])
         noise[plots, :2, :2] += self._registration(m.take(plots))
+        doubt = np.full(len(m), np.inf)
+        doubt[plots] = self.plot_doubt
         if len(bearings) > 0:
             of, *lines = self._across_lines_of_sight(filters, plan, bearings)
-            joined = [np.concatenate(pair) for pair in zip((filter_of, measured_s, z, noise), (of, *lines), strict=True)]
+            joined = [np.concatenate(pair) for pair in zip((filter_of, measured_s, z, noise, doubt), (of, *lines), strict=True)]
             order = np.lexsort((joined[1], joined[0]))
-            filter_of, measured_s, z, noise = (column[order] for column in joined)
+            filter_of, measured_s, z, noise, doubt = (column[order] for column in joined)
         begin = np.searchsorted(filter_of, np.arange(count + 1))
-        kernel = kernels.filters.fused_filters.update
-        in_blocks(kernel, count, filters.arrays, measured_s, z, noise, begin, self._models(), least=FEW)
+        kernel, timed = kernels.filters.fused_filters.update, kernels.filters.fused_filters.TimedMeasurements
+        in_blocks(kernel, count, filters.arrays, timed(measured_s, z, noise, doubt), begin, self._models(), least=FEW)
 
     def _across_lines_of_sight(
         self, filters: VesselFilters, plan: FilterPlan, bearings: VesselBearings
-    ) -> tuple[Ints, Floats, Floats, Floats]:
-        """Filter (B,), time (B,), position (B, 4) and noise (B, 4, 4) of the bearings of continued filters that are in the gate."""
+    ) -> tuple[Ints, Floats, Floats, Floats, Floats]:
+        """Filter (B,) and TimedMeasurements of the bearings of continued filters that are in the gate."""
         filter_of_vessel = np.full(int(bearings.vessel.max()) + 1, -1)
         named = plan.continued < len(filter_of_vessel)
         filter_of_vessel[plan.continued[named]] = np.flatnonzero(named)
@@ -223,7 +234,7 @@ class CentralImm(Method):
         order = order[np.lexsort((b.bearing_rad[order], b.time_s[order], filter_of[order]))]
         z, full = np.full((len(order), 4), np.nan), np.zeros((len(order), 4, 4))
         z[:, :2], full[:, :2, :2] = position[order], noise[order]
-        return filter_of[order], b.time_s[order], z, full
+        return filter_of[order], b.time_s[order], z, full, np.full(len(order), np.inf)
 
     def _registration(self, plots: Measurements) -> Floats:
         """Covariance of the error of registration of plots: shares of their variance along and across the beam. (M, 2, 2)"""
@@ -251,6 +262,25 @@ class CentralImm(Method):
         vessel = plan.continued[chosen]
         out.position_deg[vessel], out.velocity_m_s[vessel] = filters.anchor_deg[chosen], mean[chosen, 2:4]
         out.covariance[vessel] = covariance[chosen, :4, :4]
+
+    def _leave_to_ais(self, tracks: Tracks, vessel: Ints, kind: Ints, out: Estimates) -> None:
+        """Write the most certain AIS track of each vessel whose estimate contradicts it or is less certain.
+
+        Args: vessel, kind: (N,) of each track.
+        """
+        ais = np.flatnonzero((kind == SourceKind.AIS) & np.isfinite(tracks.covariance[:, 0, 0]))
+        ais = ais[np.lexsort((np.trace(tracks.covariance[ais, :2, :2], axis1=1, axis2=2), vessel[ais]))]
+        of, first = np.unique(vessel[ais], return_index=True)
+        ais = ais[first]
+        of_ais, of_fused = tracks.covariance[ais, :2, :2], out.covariance[of, :2, :2]
+        variance, axes = np.linalg.eigh(of_ais - of_fused)
+        apart_m = np.einsum("nij,ni->nj", axes, difference_m(tracks.position_deg[ais], out.position_deg[of]))
+        ais_m2, fused_m2 = (np.trace(covariance, axis1=1, axis2=2) for covariance in (of_ais, of_fused))
+        distance = np.sum(apart_m**2 / np.maximum(variance, LEAST_GAIN * ais_m2[:, None] / 2.0), axis=1)
+        left = (distance > self.ais_doubt) | (fused_m2 > ais_m2)
+        of, ais = of[left], ais[left]
+        out.position_deg[of], out.velocity_m_s[of] = tracks.position_deg[ais], tracks.velocity_m_s[ais]
+        out.covariance[of] = tracks.covariance[ais]
 
     def _single_tracks(self, vessels: VesselTracks, tracks: Tracks, count: int) -> Estimates:
         """So many estimates, of which those of vessels of one track are written: they are that track. Those without are NaN."""

@@ -68,10 +68,11 @@ def fusion(vessels: int) -> None:
     filters = state, covariance, np.full((vessels, j), 1.0 / j), np.zeros(vessels)
     z = np.column_stack([rng.normal(0.0, 10.0, (vessels, 2)), np.full((vessels, 2), np.nan)])
     noise = np.tile(np.diag([400.0, 400.0, np.nan, np.nan]), (vessels, 1, 1))
+    measured = fused_filters.TimedMeasurements(np.full(vessels, 2.0), z, noise, np.full(vessels, np.inf))
     mean, total = np.empty((vessels, 5)), np.empty((vessels, 5, 5))
 
     def fuse() -> None:
-        fused_filters.update(0, vessels, filters, np.full(vessels, 2.0), z, noise, np.arange(vessels + 1), models)
+        fused_filters.update(0, vessels, filters, measured, np.arange(vessels + 1), models)
         fused_filters.estimate(0, vessels, filters, 3.0, models, mean, total)
         filters[3][:] = 0.0
 

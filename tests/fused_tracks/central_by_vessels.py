@@ -9,9 +9,9 @@ from fused_by_arrays import intersection
 
 from coastwatch.batches import Floats, FusedTracks, Ints, Measurements, SourceKind, Tracks
 from coastwatch.fused_tracks import CentralImm
-from coastwatch.fused_tracks.central_imm import MODELS, SEARCH_STEPS
+from coastwatch.fused_tracks.central_imm import LEAST_GAIN, MODELS, SEARCH_STEPS
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.kernels.filters.fused_filters import estimate, update
+from coastwatch.kernels.filters.fused_filters import TimedMeasurements, estimate, update
 
 
 @dataclass
@@ -49,6 +49,11 @@ class ByVessels:
                 made = intersection(tracks.take(mine), covariance[mine], np.zeros(len(mine), np.int64), SEARCH_STEPS)
                 out = made[0][0], made[1][0], made[2][0]
                 filters.append(self._new(out, time_s, set(tracks.track_id[mine].tolist())))
+            known = mine[(of == SourceKind.AIS) & np.isfinite(tracks.covariance[mine, 0, 0])]
+            if len(known):
+                k = min(known, key=lambda k: np.trace(tracks.covariance[k, :2, :2]))
+                if self._contradicts(out, tracks.take(np.array([k]))):
+                    out = tracks.position_deg[k], tracks.velocity_m_s[k], tracks.covariance[k]
             rows.append(out)
         self.filters = filters
         if not rows:
@@ -77,7 +82,16 @@ class ByVessels:
                 for share, axis in ((self.settings.range_registration, along), (self.settings.azimuth_registration, across)):
                     noise[k, :2, :2] += share * (axis @ m.covariance[k, :2, :2] @ axis) * np.outer(axis, axis)
         old.arrays = tuple(part.copy() for part in old.arrays)
-        update(0, 1, old.arrays, m.time_s, z, noise, np.array([0, len(m)]), self.settings._models())
+        doubt = np.where(has_ais & (m.sensor >= 0), self.settings.plot_doubt, np.inf)
+        update(0, 1, old.arrays, TimedMeasurements(m.time_s, z, noise, doubt), np.array([0, len(m)]), self.settings._models())
+
+    def _contradicts(self, fused: tuple[Floats, Floats, Floats], ais: Tracks) -> bool:
+        """Whether an estimate is farther from an AIS track than the difference of their covariances lets it, or less certain."""
+        of_ais, of_fused = ais.covariance[0, :2, :2], fused[2][:2, :2]
+        variance, axes = np.linalg.eigh(of_ais - of_fused)
+        along = axes.T @ difference_m(ais.position_deg[0], fused[0])
+        distance = np.sum(along**2 / np.maximum(variance, LEAST_GAIN * np.trace(of_ais) / 2.0))
+        return bool(distance > self.settings.ais_doubt or np.trace(of_fused) > np.trace(of_ais))
 
     def _estimate(self, old: Filter, time_s: float) -> tuple[Floats, Floats, Floats]:
         mean, covariance = np.empty((1, 5)), np.empty((1, 5, 5))

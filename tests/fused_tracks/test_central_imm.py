@@ -84,6 +84,10 @@ def rmse(fused, time_s):
     return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 
+BY_FILTER = CentralImm(ais_doubt=1e12)  # a vessel is reported by its filter, whatever its AIS track says
+TRUSTING = CentralImm(plot_doubt=1e12)  # takes each plot at its stated noise
+
+
 def run(method, cycles):
     memory, fused, time_s = method.init(), None, 0.0
     for tracks, measurements, vessel, time_s in cycles:
@@ -95,8 +99,28 @@ def test_it_is_the_measurements_that_count_not_the_tracks():
     cycles = [(tracks_of(v, t.source, s, off_m=9.0), m, v, s) for t, m, v, s in world()]
     for (t, *_), (u, *_) in zip(cycles, world(), strict=True):
         t.updated_s[:] = u.updated_s
-    _, fused, time_s = run(CentralImm(), cycles)
+    _, fused, time_s = run(BY_FILTER, cycles)
     assert rmse(fused, time_s) < 3.0  # of 25 reports of 3.33 m an axis; the tracks are 9 m off
+
+
+@pytest.mark.parametrize("bias_m", [0.0, 30.0, 100.0])
+def test_plots_of_a_neighbour_make_no_vessel_worse_than_its_ais(bias_m, monkeypatch):
+    """AIS reports each 24 s, and AIS tracks that err as they state, by 5 m an axis."""
+    rng, cycles, reported_s = np.random.default_rng([3, 23]), [], np.zeros(VESSELS)
+    for number, (tracks, m, vessel, time_s) in enumerate(world(bias_m=bias_m)):
+        ais = np.flatnonzero(tracks.source == 2)
+        tracks.position_deg[ais] = offset_deg(tracks.position_deg[ais], rng.normal(0.0, 5.0, (VESSELS, 2)))
+        tracks.covariance[ais, :2, :2] = 25.0 * np.eye(2)
+        if number % 8 == 0:
+            reported_s = tracks.updated_s[ais].copy()
+        tracks.updated_s[ais] = reported_s
+        cycles.append((tracks, m if number % 8 == 0 else m.take(m.sensor >= 0), vessel, time_s))
+    of_ais = cycles[-2][0].take(np.flatnonzero(cycles[-2][0].source == 2))
+    _, fused, time_s = run(CentralImm(), cycles[:-1])  # up to 21 s after the last report
+    assert rmse(fused, time_s) < 1.25 * rmse(of_ais, time_s)
+    monkeypatch.setattr(CentralImm, "_leave_to_ais", lambda *_: None)
+    _, trusting, _ = run(TRUSTING, cycles[:-1])
+    assert (rmse(trusting, time_s) > 2.0 * rmse(of_ais, time_s)) == (bias_m == 100.0)
 
 
 def test_measurements_and_tracks_may_come_in_any_order_and_memory_is_plain_and_never_written_to():
@@ -148,11 +172,11 @@ def test_a_vessel_whose_pair_is_broken_is_its_tracks_again():
 @pytest.mark.parametrize("ended", [0, 2], ids=["radar", "ais"])
 def test_when_a_track_ends_the_filter_goes_on_and_is_shown_where_plots_feed_it(ended):
     cycles = list(world())
-    memory, before, time_s = run(CentralImm(), cycles[:-1])
+    memory, before, time_s = run(BY_FILTER, cycles[:-1])
     t, m, _, s = cycles[-1]
     left = np.flatnonzero(t.source != ended)
     rest = t.take(left)
-    memory, fused = CentralImm().step(memory, FusionInput(rest, m, associated(np.arange(VESSELS)), s, KINDS))
+    memory, fused = BY_FILTER.step(memory, FusionInput(rest, m, associated(np.arange(VESSELS)), s, KINDS))
     is_track = np.abs(difference_m(fused.position_deg, rest.position_deg)).max(axis=1) < ROUNDING_M
     assert is_track.all() == (ended == 0)
     assert is_track.any() == (ended == 0)
@@ -162,7 +186,7 @@ def test_when_a_track_ends_the_filter_goes_on_and_is_shown_where_plots_feed_it(e
     both = Tracks.join([tracks_of(rest.origin, rest.source, s + PERIOD_S, s - 1.0), new])
     nothing, vessel = Measurements.empty(), np.tile(np.arange(VESSELS), 2)
     both.updated_s[:] = s - 3.0
-    _, fused = CentralImm().step(memory, FusionInput(both, nothing, associated(vessel), s + PERIOD_S, KINDS))
+    _, fused = BY_FILTER.step(memory, FusionInput(both, nothing, associated(vessel), s + PERIOD_S, KINDS))
     assert rmse(fused, s + PERIOD_S) < 4.0  # a new partner adds what it hears from now on: its 50 m error is not taken over
 
 

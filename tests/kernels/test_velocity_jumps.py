@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.filters import motion_models
-from coastwatch.kernels.filters.fused_filters import estimate, update
+from coastwatch.kernels.filters.fused_filters import TimedMeasurements, estimate, update
 
 pytestmark = pytest.mark.oracle
 
@@ -64,7 +64,8 @@ def kernel(x, p, mode, time, z, r, models, jumps):
     n, count = time.shape
     filters = x.copy(), p.copy(), mode.copy(), np.zeros(n)
     begin = np.arange(n + 1) * count
-    update(0, n, filters, time.ravel(), z.reshape(-1, 4), r.reshape(-1, 4, 4), begin, table(models, jumps))
+    measured = TimedMeasurements(time.ravel(), z.reshape(-1, 4), r.reshape(-1, 4, 4), np.full(z.size // 4, np.inf))
+    update(0, n, filters, measured, begin, table(models, jumps))
     return filters
 
 
