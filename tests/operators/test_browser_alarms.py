@@ -209,7 +209,7 @@ def test_the_page_says_that_no_feed_is_heard_and_lists_what_is_wrong_and_since_w
     watch.until(BADGE, lambda text: text.startswith("live: LIVE"))
     assert watch.ask("document.getElementById('troubles').hidden")
     now_s = time.time()
-    feeds = [{"name": "north", "silent_s": 150.0}, {"name": "south", "silent_s": 180.0}]
+    feeds = [{"name": "north", "silent_s": 150.0, "error": None}, {"name": "south", "silent_s": 180.0, "error": None}]
     sea.source.said = [
         *of_feeds(feeds, now_s),
         Trouble("store", "", now_s - 20.0, "the database cannot be written: disk full", False),

@@ -112,9 +112,13 @@ def test_a_page_before_its_sign_in_is_not_warned_of_but_a_wrong_token_is(
     given: dict[str, str], caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(logging.getLogger("coastwatch.serve"), "propagate", True)
+
+    def refused() -> list[str]:  # a busy machine also warns of late cycles
+        return [message for message in caplog.messages if "refused" in message]
+
     with httpx.Client(base_url=f"http://{given['address']}") as client:
         assert client.get("/api/v1/status").status_code == 401
-        assert caplog.messages == []
+        assert refused() == []
         client.get("/api/v1/status", headers=bearer("x"))
         client.get("/api/v1/status", headers={"Cookie": "coastwatch=x"})
         client.post("/session", json={"token": "x"})
@@ -122,7 +126,7 @@ def test_a_page_before_its_sign_in_is_not_warned_of_but_a_wrong_token_is(
     for offered in ([], ["bearer.x"]):
         with connect(url, subprotocols=["coastwatch.picture.v1", *offered]) as socket, pytest.raises(ConnectionClosed):
             socket.recv(timeout=10)
-    assert caplog.messages == [*3 * ["request refused"], "socket refused"]
+    assert refused() == [*3 * ["request refused"], "socket refused"]
 
 
 def test_a_large_body_is_refused_and_a_token_may_ask_so_often(given: dict[str, str]) -> None:
