@@ -34,6 +34,7 @@ MODELS = 4  # steady, changing speed, agile: constant velocity; turning: coordin
 FEW = 512  # fewer filters are not worth a thread
 ALONG_M = 1e5  # standard deviation of a bearing along the line of sight: 1000 times what any vessel is known to
 LEAST_GAIN = 0.25  # of the variance of an AIS track: a smaller difference from it is not tested more narrowly
+LESS_CERTAIN = 1.5  # times the variance of its AIS track: a filter above that is not reported
 SEARCH_STEPS = 16  # of the covariance intersection at which a filter begins
 
 
@@ -81,7 +82,7 @@ class CentralImm(Method):
     - If AIS is in the vessel, shares of a plot's variance are added along and across the beam. The registration error of a radar is
       the same in every plot, and would otherwise outweigh the AIS.
     - A plot that contradicts the filter of a vessel with AIS counts less: it may be an echo of another vessel (`plot_doubt`).
-    - A vessel is reported as its AIS track where the filter contradicts that track (`ais_doubt`), or is less certain. An efficient
+    - A vessel is reported as its AIS track where the filter contradicts that track (`ais_doubt`), or is far less certain. An efficient
       estimate differs from a consistent one by the difference of their covariances. So plots of a neighbour, or of a radar whose
       noise is larger than it states, never make the vessel worse than its AIS.
     - A late report is moved to the filter's time by the velocity.
@@ -264,7 +265,7 @@ class CentralImm(Method):
         out.covariance[vessel] = covariance[chosen, :4, :4]
 
     def _leave_to_ais(self, tracks: Tracks, vessel: Ints, kind: Ints, out: Estimates) -> None:
-        """Write the most certain AIS track of each vessel whose estimate contradicts it or is less certain.
+        """Write the most certain AIS track of each vessel whose estimate contradicts it or is far less certain.
 
         Args: vessel, kind: (N,) of each track.
         """
@@ -277,7 +278,7 @@ class CentralImm(Method):
         apart_m = np.einsum("nij,ni->nj", axes, difference_m(tracks.position_deg[ais], out.position_deg[of]))
         ais_m2, fused_m2 = (np.trace(covariance, axis1=1, axis2=2) for covariance in (of_ais, of_fused))
         distance = np.sum(apart_m**2 / np.maximum(variance, LEAST_GAIN * ais_m2[:, None] / 2.0), axis=1)
-        left = (distance > self.ais_doubt) | (fused_m2 > ais_m2)
+        left = (distance > self.ais_doubt) | (fused_m2 > LESS_CERTAIN * ais_m2)
         of, ais = of[left], ais[left]
         out.position_deg[of], out.velocity_m_s[of] = tracks.position_deg[ais], tracks.velocity_m_s[ais]
         out.covariance[of] = tracks.covariance[ais]

@@ -9,7 +9,7 @@ from fused_by_arrays import intersection
 
 from coastwatch.batches import Floats, FusedTracks, Ints, Measurements, SourceKind, Tracks
 from coastwatch.fused_tracks import CentralImm
-from coastwatch.fused_tracks.central_imm import LEAST_GAIN, MODELS, SEARCH_STEPS
+from coastwatch.fused_tracks.central_imm import LEAST_GAIN, LESS_CERTAIN, MODELS, SEARCH_STEPS
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.filters.fused_filters import TimedMeasurements, estimate, update
 
@@ -91,7 +91,7 @@ class ByVessels:
         variance, axes = np.linalg.eigh(of_ais - of_fused)
         along = axes.T @ difference_m(ais.position_deg[0], fused[0])
         distance = np.sum(along**2 / np.maximum(variance, LEAST_GAIN * np.trace(of_ais) / 2.0))
-        return bool(distance > self.settings.ais_doubt or np.trace(of_fused) > np.trace(of_ais))
+        return bool(distance > self.settings.ais_doubt or np.trace(of_fused) > LESS_CERTAIN * np.trace(of_ais))
 
     def _estimate(self, old: Filter, time_s: float) -> tuple[Floats, Floats, Floats]:
         mean, covariance = np.empty((1, 5)), np.empty((1, 5, 5))
