@@ -83,8 +83,8 @@ class CentralImm(Method):
       the same in every plot, and would otherwise outweigh the AIS.
     - A plot that contradicts the filter of a vessel with AIS counts less: it may be an echo of another vessel (`plot_doubt`).
     - A vessel is reported as its AIS track where the filter contradicts that track (`ais_doubt`), or is far less certain. An efficient
-      estimate differs from a consistent one by the difference of their covariances. So plots of a neighbour, or of a radar whose
-      noise is larger than it states, never make the vessel worse than its AIS.
+      estimate differs from a consistent one by the difference of their covariances. So plots of a neighbour, or of a radar that errs
+      more than it states, hardly make the vessel worse than its AIS.
     - A late report is moved to the filter's time by the velocity.
     - A bearing that is of the vessel with `bearing_probability` moves the filter across the line of sight. A vessel that has lost
       its tracks goes on by bearings for `bearing_hold_s`. Its filter begins with the first bearing, if it has but one track.
@@ -265,20 +265,22 @@ class CentralImm(Method):
         out.covariance[vessel] = covariance[chosen, :4, :4]
 
     def _leave_to_ais(self, tracks: Tracks, vessel: Ints, kind: Ints, out: Estimates) -> None:
-        """Write the most certain AIS track of each vessel whose estimate contradicts it or is far less certain.
+        """Write the most certain AIS track of each vessel whose estimate contradicts it, is far less certain, or is not finite.
 
         Args: vessel, kind: (N,) of each track.
         """
-        ais = np.flatnonzero((kind == SourceKind.AIS) & np.isfinite(tracks.covariance[:, 0, 0]))
+        ais = np.flatnonzero((kind == SourceKind.AIS) & np.isfinite(tracks.covariance).all(axis=(1, 2)))
         ais = ais[np.lexsort((np.trace(tracks.covariance[ais, :2, :2], axis1=1, axis2=2), vessel[ais]))]
         of, first = np.unique(vessel[ais], return_index=True)
         ais = ais[first]
-        of_ais, of_fused = tracks.covariance[ais, :2, :2], out.covariance[of, :2, :2]
+        unsound = ~np.isfinite(out.covariance[of]).all(axis=(1, 2)) | ~np.isfinite(out.position_deg[of]).all(axis=1)
+        of_ais = tracks.covariance[ais, :2, :2]
+        of_fused = np.where(unsound[:, None, None], of_ais, out.covariance[of, :2, :2])
         variance, axes = np.linalg.eigh(of_ais - of_fused)
         apart_m = np.einsum("nij,ni->nj", axes, difference_m(tracks.position_deg[ais], out.position_deg[of]))
         ais_m2, fused_m2 = (np.trace(covariance, axis1=1, axis2=2) for covariance in (of_ais, of_fused))
         distance = np.sum(apart_m**2 / np.maximum(variance, LEAST_GAIN * ais_m2[:, None] / 2.0), axis=1)
-        left = (distance > self.ais_doubt) | (fused_m2 > LESS_CERTAIN * ais_m2)
+        left = unsound | (distance > self.ais_doubt) | (fused_m2 > LESS_CERTAIN * ais_m2)
         of, ais = of[left], ais[left]
         out.position_deg[of], out.velocity_m_s[of] = tracks.position_deg[ais], tracks.velocity_m_s[ais]
         out.covariance[of] = tracks.covariance[ais]

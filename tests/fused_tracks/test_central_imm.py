@@ -123,6 +123,16 @@ def test_plots_of_a_neighbour_make_no_vessel_worse_than_its_ais(bias_m, monkeypa
     assert (rmse(trusting, time_s) > 2.0 * rmse(of_ais, time_s)) == (bias_m == 100.0)
 
 
+def test_a_filter_that_is_not_finite_leaves_the_vessel_to_its_ais():
+    cycles = list(world())
+    memory, _, _ = run(CentralImm(), cycles[:-1])
+    memory.covariance[0] = np.nan
+    tracks, m, vessel, time_s = cycles[-1]
+    _, fused = CentralImm().step(memory, FusionInput(tracks, m, associated(vessel), time_s, KINDS))
+    assert np.isfinite(fused.covariance).all()
+    assert rmse(fused, time_s) < 3.0
+
+
 def test_measurements_and_tracks_may_come_in_any_order_and_memory_is_plain_and_never_written_to():
     method, rng = CentralImm(), np.random.default_rng([1, 24])
     memory, other = method.init(), method.init()
