@@ -273,7 +273,7 @@ class CentralImm(Method):
         ais = ais[np.lexsort((np.trace(tracks.covariance[ais, :2, :2], axis1=1, axis2=2), vessel[ais]))]
         of, first = np.unique(vessel[ais], return_index=True)
         ais = ais[first]
-        unsound = ~np.isfinite(out.covariance[of]).all(axis=(1, 2)) | ~np.isfinite(out.position_deg[of]).all(axis=1)
+        unsound = ~np.isfinite(out.covariance[of].sum(axis=(1, 2)) + out.position_deg[of].sum(axis=1))
         of_ais = tracks.covariance[ais, :2, :2]
         of_fused = np.where(unsound[:, None, None], of_ais, out.covariance[of, :2, :2])
         variance, axes = np.linalg.eigh(of_ais - of_fused)

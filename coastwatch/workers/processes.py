@@ -1,6 +1,6 @@
 """Per-spot work in a pool of processes: arrays in shared memory, spots in chunks of about equal cost.
 
-joblib takes 2.8 times as long for a cycle (`scaling.decisions.process_pool`).
+joblib takes 4.1 times as long for a cycle (`scaling.decisions.process_pool`).
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@
 Two centres fuse the same national picture in turns, cycle by cycle. They differ in the pool that maps spots. Times are of a whole
 cycle of the high-level centre: medians over CYCLES cycles, after the history windows are full.
 
-Answer: no. At 20,000 tracks a cycle takes 2.84 times as long with joblib, and 3.24 times the processor time: asked were 1.25. It
+Answer: no. At 20,000 tracks a cycle takes 4.1 times as long with joblib, and 1.8 times the processor time: asked were 1.25. It
 also must map its arguments anew in each call. Within a `with` block it keeps one map for each array object, and the history windows
 are written in place, so the next cycle would see old values. Figures: scaling/results/workers.md.
 """
