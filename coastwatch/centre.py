@@ -165,7 +165,9 @@ def run_centre(
         associations_memory, associations = held.associate(comparing, s.associations.gate_m, every, sensors.source_kinds)
     with timer("fused_tracks"):
         bearings = vessel_bearings(m.bearing_members, bearing_tracks, tracks, associations)
-        counted, of_counted, bearings = held.counted_once(tracks, associations, bearings, sensors.source_kinds)
+        counted, of_counted = tracks, associations
+        if s.tracks.holds_messages and not s.fused_tracks.of_measurements:
+            counted, of_counted, bearings = held.counted_once(tracks, associations, bearings, sensors.source_kinds)
         fusion = FusionInput(counted, measurements, of_counted, time_s, sensors.source_kinds, bearings)
         fused_memory, fused = Running(s.fused_tracks, m.fused_tracks).next(fusion)
         fused, by_bearings = held_vessels(bearings, fused, int(associations.vessel.max(initial=-1)) + 1)

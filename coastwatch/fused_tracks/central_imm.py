@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -22,11 +22,11 @@ from coastwatch.batches import (
     column,
 )
 from coastwatch.fused_tracks.covariance_intersection import intersect
-from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.inputs import FusionInput, FusionMethod
 from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Method, NotNegative, Positive, PositiveShare
+from coastwatch.stage import NotNegative, Positive, PositiveShare
 
 Four = tuple[Positive, Positive, Positive, Positive]
 
@@ -71,7 +71,7 @@ class FilterPlan(NamedTuple):
     held_since_s: Floats  # (H,)
 
 
-class CentralImm(Method):
+class CentralImm(FusionMethod):
     """One IMM a vessel over the plots and AIS reports in its tracks, so that no error counts twice.
 
     - Models: steady (constant velocity, which may jump), changing speed, agile, turning.
@@ -94,6 +94,7 @@ class CentralImm(Method):
     J. A. Hausman, Specification tests in econometrics, Econometrica 46(6), 1978 (difference of two estimates).
     """
 
+    of_measurements: ClassVar[bool] = True
     method: Literal["central_imm"] = "central_imm"
     noise_m2_s3: tuple[NotNegative, NotNegative, NotNegative, NotNegative] = (1e-5, 3e-3, 0.2, 1e-5)  # density of acceleration
     sojourn_s: Four = (600.0, 300.0, 1000.0, 3000.0)  # mean time in each model

@@ -6,13 +6,13 @@ from typing import Literal
 
 from coastwatch import kernels
 from coastwatch.batches import FusedTracks
-from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.inputs import FusionInput, FusionMethod
 from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Method, NoMemory, NotNegative, Positive
+from coastwatch.stage import NoMemory, NotNegative, Positive
 
 
-class Convex(Method):
+class Convex(FusionMethod):
     """Each track weighed by the inverse of its covariance, position and velocity together, cross-covariance neglected.
 
     `registration` adds that share of a radar report's covariance to the position covariance of a radar track. So a radar bias as

@@ -8,13 +8,13 @@ from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import FusedTracks, Tracks
-from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.inputs import FusionInput, FusionMethod
 from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Method, NoMemory, Positive
+from coastwatch.stage import NoMemory, Positive
 
 
-class CovarianceIntersection(Method):
+class CovarianceIntersection(FusionMethod):
     """Pairwise covariance intersection with the weight that makes the determinant smallest, most precise track first.
 
     Source: S. J. Julier and J. K. Uhlmann, A non-divergent estimation algorithm in the presence of unknown correlations, 1997.

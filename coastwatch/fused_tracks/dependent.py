@@ -8,14 +8,14 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, FusedTracks, Ints, Tracks
-from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.inputs import FusionInput, FusionMethod
 from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.fusion.cross_covariance import CrossCovariances
-from coastwatch.stage import Method, Positive
+from coastwatch.stage import Positive
 
 
-class Dependent(Method):
+class Dependent(FusionMethod):
     """The best linear combination of the tracks of a vessel whose errors share process noise.
 
     The recursion is exact for tracks of Kalman filters with the process noise `noise_m2_s3`. Tracks of other filters, or aligned in

@@ -10,10 +10,10 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, FusedTracks, Ints, Struct, Tracks, column
-from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.inputs import FusionInput, FusionMethod
 from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.stage import Method, Positive
+from coastwatch.stage import Positive
 
 MODELS = 3  # constant velocity with low and with high noise, coordinated turn
 
@@ -31,7 +31,7 @@ class TrackFilters(Struct):
     time_s: float = 0.0
 
 
-class ImmOfTracks(Method):
+class ImmOfTracks(FusionMethod):
     """An IMM (constant velocity with low and high noise, coordinated turn) over the tracks of a vessel as measurements.
 
     The errors of tracks are autocorrelated and share process noise, so their covariance is multiplied by `inflation`. (The paper

@@ -10,10 +10,10 @@ from pydantic import Field
 
 from coastwatch.batches import Floats, FusedTracks, Ints, Tracks
 from coastwatch.fused_tracks.imm_of_tracks import ImmOfTracks, TrackFilters
-from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.inputs import FusionInput, FusionMethod
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.stage import Method, Positive, PositiveShare
+from coastwatch.stage import Positive, PositiveShare
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class LiteralFilters:
     filters: TrackFilters
 
 
-class ImmOfTracksLiteral(Method):
+class ImmOfTracksLiteral(FusionMethod):
     """The IMM of plot fusion again, with radar and AIS tracks as its measurements in every cycle.
 
     The paper says: "the same IMM filter used for radar plot fusion" (III-F), with tracks as inputs; "process error and measurement

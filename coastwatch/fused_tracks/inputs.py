@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from coastwatch.batches import Associations, Ints, Measurements, Tracks, VesselBearings
+from coastwatch.stage import Method
 
 NO_BEARINGS = VesselBearings.empty()
 
@@ -18,3 +19,13 @@ class FusionInput(NamedTuple):
     time_s: float
     kinds: Ints  # SourceKind of each source
     bearings: VesselBearings = NO_BEARINGS  # (B) by the associations of the last cycle
+
+
+class FusionMethod(Method):
+    """Settings of a method that makes one estimate of the tracks of a vessel."""
+
+    of_measurements: ClassVar[bool] = False
+    """True: it takes the plots and reports behind the tracks. AIS messages in a radar track and in an AIS track then count once.
+
+    Else such a vessel is given to it as that radar track alone.
+    """

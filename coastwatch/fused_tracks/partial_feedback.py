@@ -10,10 +10,10 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, FusedTracks, Ints, Measurements, SourceKind, Struct, Tracks, column
 from coastwatch.fused_tracks.convex import Convex
-from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.inputs import FusionInput, FusionMethod
 from coastwatch.fused_tracks.vessel_tracks import VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.stage import Method, NoMemory, Positive
+from coastwatch.stage import NoMemory, Positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class FeedbackFilters(Struct):
     time_s: float = 0.0
 
 
-class PartialFeedback(Method):
+class PartialFeedback(FusionMethod):
     """Radar and AIS track fused with their cross-covariance; the radar filter of a vessel then takes the fused estimate over.
 
     The filter is kept here: it is updated by the plots of the vessel's radar track. After the feedback its cross-covariance with

@@ -9,13 +9,13 @@ from pydantic import model_validator
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, FusedTracks, Ints, SourceKind, Tracks
-from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.inputs import FusionInput, FusionMethod
 from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Method, NoMemory, NotNegative, Positive
+from coastwatch.stage import NoMemory, NotNegative, Positive
 
 
-class WeightedAverage(Method):
+class WeightedAverage(FusionMethod):
     """The average of the tracks of a vessel.
 
     `weights = "fixed"` takes `radar_weight` and `ais_weight` (the paper's 0.2 and 0.8), shared by the tracks of one kind.

@@ -16,7 +16,7 @@ from coastwatch.tracks import RegionInput, TableTracker
 
 pytestmark = pytest.mark.contract
 
-METHODS = [m for m in every_tracker() if m.messages.method != "none" and m.bank.method == "compiled"]
+METHODS = [m for m in every_tracker() if isinstance(m, TableTracker) and m.holds_messages and m.bank.method == "compiled"]
 SIGMA_M = 3.0
 VELOCITY_SIGMA_M_S = 0.1
 CYCLES = 12

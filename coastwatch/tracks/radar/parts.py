@@ -132,4 +132,7 @@ def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: Plot
     table.misses[slots] = 0
     table.origins[slots] = -1
     table.origins[slots, 0] = batch.origin[plots]
-    return replace(memory, table=table, next_id=memory.next_id + len(plots))
+    alone = memory.plots_alone.with_slots(len(table.track_id))
+    if alone.models:
+        alone.updated_s[slots], alone.left_mmsi[slots] = -np.inf, -1
+    return replace(memory, table=table, next_id=memory.next_id + len(plots), plots_alone=alone)

@@ -20,6 +20,7 @@ Name = Literal[
     "vimmjipda_sequential",
     "vimmjipda_precise_batch",
     "vimmjipda_noisy_batch",
+    "guided_vimmjipda",
     "bp_particles",
     "table",
 ]
@@ -42,6 +43,7 @@ PRESETS: Mapping[str, Mapping[str, Part]] = {
     "vimmjipda_sequential": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "sequential"}},
     "vimmjipda_precise_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "precise_batch"}},
     "vimmjipda_noisy_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "noisy_batch"}},
+    "guided_vimmjipda": {"association": _JIPDA, "messages": {"method": "guiding"}},
     "bp_particles": {
         "association": _JIPDA,
         "motion": {"kind": "manoeuvres", "models": [_STRAIGHT]},
@@ -56,7 +58,10 @@ this part."""
 
 SHORT: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("sided_imm", "imm", "filterpy_imm"), ("plot_origin",)),
-    **dict.fromkeys(("vimmjipda_sequential", "vimmjipda_precise_batch", "vimmjipda_noisy_batch"), ("message_velocities",)),
+    **dict.fromkeys(
+        ("vimmjipda_sequential", "vimmjipda_precise_batch", "vimmjipda_noisy_batch", "guided_vimmjipda"),
+        ("message_velocities",),
+    ),
     "bp_particles": ("particles", "seed"),
 }
 """Settings of some presets that stand in `[tracks]` itself. A setting of a part, if it is given, holds before them."""

@@ -10,10 +10,12 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
 from coastwatch.geodesy import to_plane
+from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
+from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.association import Jipda, JipdaLiteral, KnownOrigin, NearestNeighbour
 from coastwatch.tracks.radar.clutter import standing_echoes
-from coastwatch.tracks.radar.messages import NoMessages, WithMessages, begin_unnamed, in_order
+from coastwatch.tracks.radar.messages import Guiding, NoMessages, WithMessages, begin_unnamed, in_order
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.plot_batches import cut, is_usable
 from coastwatch.tracks.radar.report import Reported, report, report_measurements
@@ -111,18 +113,41 @@ def update_region(
     memory = association.end_cycle(parts, memory, time_s)
     table = memory.table
     rows = upkeep.shown(table, time_s)
-    now = bank.predict(table.filters, table.estimates, rows, time_s)
-    tracks = report(now, _reported(table, rows, upkeep.existence(table, rows, time_s)), radars, time_s, sensors, region)
+    if isinstance(messages, Guiding):
+        messages.leave(parts, memory, time_s)
+        rows, now = _by_plots(parts, memory, rows, time_s)
+    else:
+        now = bank.predict(table.filters, table.estimates, rows, time_s)
+    tracks = report(
+        now,
+        _reported(table, rows, upkeep.existence(table, rows, time_s), isinstance(messages, Guiding)),
+        radars,
+        time_s,
+        sensors,
+        region,
+    )
     standing = standing_echoes(parts.clutter, memory.clutter, sensors.radars, origin_deg)
     measurements = report_measurements(tracks, taken, plots, sensors, region)
     return memory, RegionOutput(tracks, measurements, standing, int((~good).sum()))
 
 
-def _reported(table: Table, rows: Ints, existence: Floats) -> Reported:
-    """What is said of the tracks in these slots."""
+def _by_plots(parts: Parts, memory: RadarMemory, rows: Ints, time_s: float) -> tuple[Ints, Estimates]:
+    """The slots out of these that radars see, and their estimates by plots alone."""
+    table, alone = memory.table, memory.plots_alone
+    rows = rows[time_s - table.radar_s[rows].max(axis=1, initial=-np.inf) <= parts.upkeep.coast_s]
+    now = parts.bank.predict(table.filters, table.estimates, rows, time_s)
+    of = np.flatnonzero(alone.has_filter(rows))
+    by_plots = plots_alone.bank().predict(alone.filters, alone.estimates, rows[of], time_s)
+    for column, values in zip(now, by_plots, strict=True):
+        column[of] = values
+    return rows, now
+
+
+def _reported(table: Table, rows: Ints, existence: Floats, of_plots: bool) -> Reported:
+    """What is said of the tracks in these slots. Args: of_plots: no message is in them."""
     return Reported(
         number=table.track_id[rows],
-        updated_s=np.maximum(table.radar_s[rows].max(axis=1, initial=-np.inf), table.message_s[rows]),
+        updated_s=np.maximum(table.radar_s[rows].max(axis=1, initial=-np.inf), -np.inf if of_plots else table.message_s[rows]),
         started_s=table.started_s[rows],
         origin=kernels.tracks.report.most_frequent_origins(table.origins, table.hits, rows),
         held_mmsi=table.probable_ids(rows, HELD),

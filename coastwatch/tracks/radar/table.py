@@ -15,6 +15,7 @@ from coastwatch.kernels.tracks import columns
 from coastwatch.kernels.tracks.columns import NAMES, ExistenceColumns, PlotColumns, TrackLife, VesselIds
 from coastwatch.tracks.radar.clutter import ClutterMap, ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
 from coastwatch.tracks.radar.motion import Filters
+from coastwatch.tracks.radar.plot_filters import PlotFilters
 
 NEWEST = 5  # plots whose origin is kept, for the scores
 SPARE = 4  # one spare slot for so many used ones, so that few cycles have to enlarge the table
@@ -164,11 +165,13 @@ class RadarMemory(Struct):
     site_m: Floats = column(np.float64, "R", 2)  # where each radar was last, NaN where it has sent nothing
     newest_plot_s: Floats = column(np.float64, "R")  # newest plot of each radar, -inf where it has sent nothing
     clutter: ClutterMap = field(default_factory=ClutterMap.none)
+    plots_alone: PlotFilters = field(default_factory=lambda: PlotFilters.empty(0))  # where messages guide the association
 
     @classmethod
-    def empty(cls, models: int, particles: int = 0) -> RadarMemory:
-        """No track yet. Args: models: J, of each filter; particles: P, of each track."""
-        return cls(Table.empty(models, 0, particles), Duplicates.empty(), 1, np.zeros((0, 2)), np.zeros(0))
+    def empty(cls, models: int, particles: int = 0, alone: int = 0) -> RadarMemory:
+        """No track yet. Args: models: J, of each filter; particles: P, of each track; alone: J of the filters of plots alone."""
+        table, filters = Table.empty(models, 0, particles), PlotFilters.empty(alone)
+        return cls(table, Duplicates.empty(), 1, np.zeros((0, 2)), np.zeros(0), plots_alone=filters)
 
     def check_rows(self) -> None:
         """Check the number of radars, as after reading a checkpoint. Raises: ValueError."""

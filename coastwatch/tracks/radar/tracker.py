@@ -8,11 +8,12 @@ from pydantic import model_validator
 
 from coastwatch.batches import Measurements, Messages, Sensors, Tracks
 from coastwatch.stage import Method
+from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.association import Association, NearestNeighbour
 from coastwatch.tracks.radar.bank import Bank, Compiled, Particles
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import TrackManagement, Upkeep
-from coastwatch.tracks.radar.messages import MessageUpdate, NoMessages, messages_of
+from coastwatch.tracks.radar.messages import Guiding, MessageUpdate, NoMessages, messages_of
 from coastwatch.tracks.radar.motion import Manoeuvres, MotionModels
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.presets import TAGS, Name, expanded, settings_of
@@ -26,9 +27,10 @@ class TableTracker(Method):
     """Tracks of the plots of a region, each in a slot of a table: an association, models of motion, messages and filters.
 
     A `method` other than `table` is the name of a choice of parts: `sided_imm`, `imm`, `filterpy_imm`, `vimmjipda`, `sided_vimmjipda`,
-    `vimmjipda_literal`, `vimmjipda_sequential`, `vimmjipda_precise_batch`, `vimmjipda_noisy_batch`, `bp_particles`. A part that is given
-    replaces the one of this choice. Short settings: `plot_origin` ("known": the association `known_origin`) of the first three,
-    `message_velocities` (`messages.velocities`) of the methods with messages, `particles` and `seed` (of `bank`) of the last.
+    `vimmjipda_literal`, `vimmjipda_sequential`, `vimmjipda_precise_batch`, `vimmjipda_noisy_batch`, `guided_vimmjipda`,
+    `bp_particles`. A part that is given replaces the one of this choice. Short settings: `plot_origin` ("known": the association
+    `known_origin`) of the first three, `message_velocities` (`messages.velocities`) of the methods with messages, `particles` and
+    `seed` (of `bank`) of the last.
 
     Source of IMM filters: H. A. P. Blom, Y. Bar-Shalom, The interacting multiple model algorithm for systems with Markovian switching
     coefficients, IEEE Trans. AC 33(8), 1988.
@@ -57,10 +59,17 @@ class TableTracker(Method):
             raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' {association}")
         if needed != "existence" and not isinstance(self.messages, NoMessages):
             raise ValueError(f"messages.method: got {self.messages.method!r}, needed 'none' {association}")
+        if isinstance(self.messages, Guiding) and not isinstance(self.bank, Compiled):
+            raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' with messages.method = 'guiding'")
         models = len(self.motion.table())
         if isinstance(self.bank, Particles) and models != 1:
             raise ValueError(f"motion.models: got {models}, needed 1 with bank.method = 'particles'")
         return self
+
+    @property
+    def holds_messages(self) -> bool:
+        """Whether AIS messages are in the tracks that it reports."""
+        return not (isinstance(self.messages, NoMessages) or self.messages.guides)
 
     @classmethod
     def settings_of(cls, method: str) -> set[str]:
@@ -74,7 +83,8 @@ class TableTracker(Method):
     def init(self) -> RadarMemory:
         """No track."""
         bank = self.bank.of(self.motion)
-        return RadarMemory.empty(len(bank.models), bank.particles)
+        alone = len(plots_alone.bank().models) if isinstance(self.messages, Guiding) else 0
+        return RadarMemory.empty(len(bank.models), bank.particles, alone)
 
     def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
         """The confirmed tracks of one region at the end of a cycle.

@@ -17,6 +17,7 @@ from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.stage import Settings
+from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.life.existence import merge_duplicates
 from coastwatch.tracks.radar.parts import Parts, begin_tracks
 from coastwatch.tracks.radar.table import RadarMemory, Table
@@ -107,6 +108,10 @@ def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float,
     table.note_moved(clutter, slot)
     false = np.clip(1.0 - np.bincount(plot, probability * table.moving(slot)[of], len(batch.time)), 0.0, 1.0)
     memory = memory.with_clutter(clutter, batch, false, period_s)
+    if memory.plots_alone.models:
+        plots_alone.update(
+            memory.plots_alone, table, hypotheses, probability / exists[of], likely, batch, rules.least_model_probability
+        )
     best = np.full(len(batch.time), -1)
     best[plot[likely]] = slot[of[likely]]
     existence = free_of(plot, probability, len(batch.time)) * unborn_per_m2 / (false_per_m2 + unborn_per_m2)

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from coastwatch.stage import Settings
+from coastwatch.tracks.radar.messages.guiding import Guiding
 from coastwatch.tracks.radar.messages.noisy_batch import NoisyBatch
 from coastwatch.tracks.radar.messages.precise_batch import PreciseBatch
 from coastwatch.tracks.radar.messages.sequential import Sequential
@@ -21,10 +22,11 @@ class NoMessages(Settings):
     method: Literal["none"] = "none"
 
 
-WithMessages = Sequential | PreciseBatch | NoisyBatch
+WithMessages = Guiding | Sequential | PreciseBatch | NoisyBatch
 MessageUpdate = Annotated[NoMessages | WithMessages, Field(discriminator="method")]
 
 __all__ = [
+    "Guiding",
     "MessageUpdate",
     "NoMessages",
     "NoisyBatch",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -19,6 +19,7 @@ from coastwatch.tracks.radar.table import RadarMemory
 class MessageSettings(Settings):
     """AIS messages as measurements of radar tracks."""
 
+    guides: ClassVar[bool] = False  # messages are for the association alone, and tracks are reported by their plots
     correct_id: Probability = 0.99  # probability that a message carries the id of its vessel
     silent_share: Probability = 0.5  # of the vessels without a track, that send no messages
     gate_sigmas: Annotated[float, Field(gt=0.0)] = 6.0  # a message farther from a track, by all of its models, is not of it

@@ -22,6 +22,7 @@ from coastwatch.kernels.tracks.columns import NAMES, Candidates, PlotColumns
 from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.kernels.tracks.vessel_ids import IDS
+from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.association.jipda import LIKELY, gated
 from coastwatch.tracks.radar.messages.settings import MessageSettings
 from coastwatch.tracks.radar.motion import Filters
@@ -53,7 +54,12 @@ def take_at_once(
     """Weigh messages and update tracks by them. Args: size: (M,) messages of each id in the batch; none: no two are of one vessel."""
     table, batch, least = memory.table, columns_of(messages), parts.existence.least_model_probability
     pairs = parts.joint.predict_to_plots(table, near(parts, table, batch), batch)
-    pairs = chosen(pairs, kernels.tracks.message_clusters.in_any_gate(tuple(table.filters), pairs, rules.limit))
+    kept = kernels.tracks.message_clusters.in_any_gate(tuple(table.filters), pairs, rules.limit)
+    if rules.guides:
+        kept &= memory.plots_alone.left_mmsi[pairs.slot[pairs.track]] != messages.mmsi[pairs.plot]
+    pairs = chosen(pairs, kept)
+    if rules.guides:
+        plots_alone.begin_at_tracks(memory.plots_alone, table, pairs.slot)
     slot, start, plot = pairs.slot, pairs.start, pairs.plot
     if np.isnan(messages.velocity_m_s[:, 0]).all():
         candidate = Candidate(slot, start, plot, parts.joint.likelihood(table, pairs))

@@ -1,0 +1,50 @@
+"""AIS messages that guide the association of plots, and are not in the track that is reported."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from coastwatch.stage import Positive
+from coastwatch.tracks.radar import plots_alone
+from coastwatch.tracks.radar.life.existence import KNOWN
+from coastwatch.tracks.radar.messages.sequential import Sequential
+from coastwatch.tracks.radar.messages.weighing import begin_unnamed
+from coastwatch.tracks.radar.parts import Parts
+from coastwatch.tracks.radar.table import RadarMemory
+
+
+class Guiding(Sequential):
+    """Each AIS message at its own time, as by `sequential`, for the association of plots alone.
+
+    A second filter has the plots only, with the probabilities of this association. It is what a track reports, so that its errors stay
+    independent of AIS, and an AIS that states a wrong position cannot draw it away. A track whose two filters contradict each other goes
+    on by plots alone, and takes no messages of that MMSI again. A vessel that no radar has seen for `coast_s` is not reported.
+    """
+
+    guides: ClassVar[bool] = True
+    method: Literal["guiding"] = "guiding"  # type: ignore[assignment]
+    doubt: Positive = 25.0  # normalised squared distance of the two filters at which a track leaves its messages
+    elsewhere_s: Positive = 10.0  # a track also leaves them where another track has had newer ones of that MMSI for so long
+
+    def leave(self, parts: Parts, memory: RadarMemory, time_s: float) -> None:
+        """Tracks whose messages contradict their plots, or go to another track, go on by plots alone, in place."""
+        table, alone = memory.table, memory.plots_alone
+        every = table.probable_ids(table.live, KNOWN)
+        slots, mmsi = table.live[every >= 0], every[every >= 0]
+        ids, of = np.unique(mmsi, return_inverse=True)
+        newest_s = np.full(len(ids), -np.inf)
+        np.maximum.at(newest_s, of, table.message_s[slots])
+        gone = table.message_s[slots] < newest_s[of] - self.elsewhere_s
+        gone[plots_alone.contradicted(alone, table, parts.bank, slots, time_s, self.doubt)] = True
+        left = slots[gone]
+        if not len(left):
+            return
+        alone.left_mmsi[left] = mmsi[gone]
+        with_plots = left[alone.has_filter(left)]
+        plots_alone.begin_at(table.filters, table.estimates, with_plots, parts.bank, alone.estimates, with_plots)
+        table.updated_s[with_plots] = alone.updated_s[with_plots]
+        alone.updated_s[left] = table.message_s[left] = -np.inf
+        table.ids[left], table.id_probability[left] = -1, 0.0
+        begin_unnamed(self, table, left)

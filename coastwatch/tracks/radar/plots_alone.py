@@ -1,0 +1,100 @@
+"""Filters of plots alone beside those of tracks that also take AIS messages, and which tracks leave their messages.
+
+A track whose association is guided by AIS is reported by this second filter, so that its errors stay independent of AIS. Where the two
+filters contradict each other, the messages are of another vessel, or state a wrong position.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import Floats, Ints
+from coastwatch.kernels.filters.gaussian import Estimates
+from coastwatch.kernels.filters.kalman import MANOEUVRE
+from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
+from coastwatch.kernels.tracks.joint_update import Hypotheses
+from coastwatch.tracks.radar.bank.compiled import CompiledBank
+from coastwatch.tracks.radar.motion import Filters, Motion
+from coastwatch.tracks.radar.parts import FilterBank
+from coastwatch.tracks.radar.plot_filters import PlotFilters
+from coastwatch.tracks.radar.table import Table
+
+LEAST_GAIN = 0.25  # of the variance of the filter of plots alone: a smaller difference is not tested more narrowly
+
+
+@cache
+def bank() -> CompiledBank:
+    """The bank of filters of plots alone: three models, as they only have to be consistent."""
+    return CompiledBank(Motion())
+
+
+def as_table(alone: PlotFilters, table: Table) -> Table:
+    """The table of tracks with these filters in place of its own, as a bank takes it."""
+    return replace(
+        table,
+        updated_s=alone.updated_s,
+        state=alone.state,
+        covariance=alone.covariance,
+        mode_probability=alone.mode_probability,
+        combined_mean=alone.combined_mean,
+        combined_covariance=alone.combined_covariance,
+        noise_m2_s3=alone.noise_m2_s3,
+    )
+
+
+def begin_at_tracks(alone: PlotFilters, table: Table, slots: Ints) -> None:
+    """Begin the filters of tracks that have plots and no message yet, at their estimates. In place. Args: slots: of any tracks."""
+    slots = slots[~alone.has_filter(slots) & ~np.isfinite(table.message_s[slots])]
+    of_plots = slots[np.isfinite(table.radar_s[slots]).any(axis=1)]
+    begin_at(alone.filters, alone.estimates, of_plots, bank(), table.estimates, of_plots)
+    alone.updated_s[of_plots] = table.updated_s[of_plots]
+
+
+def begin_at(filters: Filters, estimates: Estimates, slots: Ints, of: FilterBank, other: Estimates, rows: Ints) -> None:
+    """Begin filters at estimates of other filters, in place. Args: slots: (N,) of the filters; rows: (N,) of the estimates."""
+    position, covariance = other.mean[rows, :2], other.covariance[rows]
+    kernels.filters.imm.initialise_filters(tuple(filters), slots, position, covariance[:, :2, :2].copy(), 1.0, of.models)
+    filters.state[slots, :, :MANOEUVRE] = other.mean[rows][:, None]
+    filters.covariance[slots, :, :MANOEUVRE, :MANOEUVRE] = covariance[:, None]
+    kernels.filters.imm.combine_filters(tuple(filters), estimates, slots, of.models)
+
+
+def update(
+    alone: PlotFilters, table: Table, pairs: Hypotheses, share: Floats, likely: Ints, batch: PlotColumns, least: float
+) -> None:
+    """Update the filters by the plots of their tracks, with the shares of the guided association. In place.
+
+    A track that messages began gets its filter by the first plot that it likely takes.
+    Args: pairs: of tracks and plots; share: (A,) probability of each, given that its track exists; likely: rows of pairs; least:
+    probability of a model.
+    """
+    of = pairs.slot[pairs.track]
+    rows = np.flatnonzero(alone.has_filter(of))
+    if len(rows):
+        chosen = Candidates(pairs.plot[rows], of[rows], np.zeros(len(rows)), np.zeros(len(rows)))
+        shadow = as_table(alone, table)
+        predicted = bank().predict_to_plots(shadow, chosen, batch)
+        bank().update_by_shares(shadow, predicted, share[rows], batch, least)
+    first = likely[~alone.has_filter(of[likely]) & np.isfinite(table.message_s[of[likely]])]
+    bank().initialise(alone.filters, alone.estimates, of[first], pairs.plot[first], batch)
+
+
+def contradicted(alone: PlotFilters, table: Table, of: FilterBank, slots: Ints, time_s: float, limit: float) -> Ints:
+    """Which of these tracks have a filter of plots alone that contradicts their messages. Returns: rows of slots.
+
+    The filter with messages is efficient, so the difference of the two has the difference of their covariances (Hausman 1978).
+    """
+    rows = np.flatnonzero(alone.has_filter(slots) & np.isfinite(table.message_s[slots]))
+    some = slots[rows]
+    apart = bank().predict(alone.filters, alone.estimates, some, time_s)
+    joint = of.predict(table.filters, table.estimates, some, time_s)
+    own = apart.covariance[:, :2, :2]
+    variance, axes = np.linalg.eigh(own - joint.covariance[:, :2, :2])
+    along = np.einsum("nij,ni->nj", axes, apart.mean[:, :2] - joint.mean[:, :2])
+    least = LEAST_GAIN * np.trace(own, axis1=1, axis2=2)[:, None] / 2.0
+    out: Ints = rows[np.sum(along**2 / np.maximum(variance, least), axis=1) > limit]
+    return out

@@ -1,0 +1,109 @@
+"""AIS messages guide which plots a radar track takes, and are not in the track that is reported."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, two_radars, world
+
+from coastwatch.batches import Messages, Plots
+from coastwatch.geodesy import to_plane
+from coastwatch.server.checkpoint import load, save
+from coastwatch.tracks import RegionInput, TableTracker
+
+pytestmark = pytest.mark.contract
+
+GUIDED = TableTracker(method="guided_vimmjipda")
+SIGMA_M = 3.0
+CYCLES = 24
+
+
+def messages_of(truth, vessels, every_s=6.0):
+    """Messages of these vessels, MMSI 1000 + vessel, sorted by time."""
+    rng = np.random.default_rng(5)
+    time = np.concatenate([np.arange(rng.uniform(0.0, every_s), PERIOD_S * CYCLES, every_s) for _ in vessels])
+    vessel = np.repeat(vessels, len(time) // len(vessels))
+    time = time[: len(vessel)]
+    order = np.argsort(time, kind="stable")
+    time, vessel = time[order], vessel[order]
+    place = truth.at(vessel, time)[0] + SIGMA_M * rng.standard_normal((len(time), 2))
+    return Messages(time, place, np.tile(SIGMA_M**2 * np.eye(2), (len(time), 1, 1)), 1000 + vessel, vessel)
+
+
+def run(method, plots, messages, memory=None, cycles=range(CYCLES)):
+    """Memory and the tracks of each cycle."""
+    memory, out = method.init() if memory is None else memory, []
+    for cycle in cycles:
+        now = messages.take((messages.time_s > PERIOD_S * cycle) & (messages.time_s <= PERIOD_S * (cycle + 1)))
+        given = RegionInput.of_plots(cut(plots, cycle), PERIOD_S * (cycle + 1), two_radars())
+        memory, (tracks, *_) = method.step(memory, given._replace(messages=now))
+        out.append(tracks)
+    return memory, out
+
+
+def errors_m(tracks, truth):
+    """Distance of each track from its vessel."""
+    where, _ = truth.at(tracks.origin, tracks.time_s)
+    return np.hypot(*(to_plane(tracks.position_deg, ORIGIN_DEG) - where).T)
+
+
+@pytest.fixture(scope="module")
+def column():
+    """Ten ships in column 100 m apart, by radars that err by 87 m across the beam, and their messages: truth, plots, messages."""
+    still = np.zeros(10)
+    truth = replace(
+        world(10, 1, kick_m_s=0.0),
+        start_m=np.column_stack([still, 100.0 * np.arange(10) - 500.0]),
+        velocity_m_s=np.column_stack([still, still + 4.0]),
+    )
+    plots = plots_of(truth, two_radars(azimuth_sigma_deg=0.5), PERIOD_S * CYCLES, 7, detection=0.8)
+    return truth, plots, messages_of(truth, np.arange(10), every_s=9.0)
+
+
+def test_ships_closer_than_the_noise_keep_their_plots_and_report_them_alone(column):
+    truth, plots, messages = column
+    _, out = run(GUIDED, plots, messages)
+    last = out[-1]
+    assert len(last) == 10
+    assert (last.held_mmsi == 1000 + last.origin).all()
+    _, unguided = run(TableTracker(method="sided_vimmjipda"), plots, messages)
+    assert errors_m(last, truth).mean() < 0.6 * errors_m(unguided[-1], truth).mean()
+    # of plots alone: ten times as uncertain as the messages, and no message is as new as a plot
+    assert np.sqrt(last.covariance[:, 1, 1]).min() > 3.0 * SIGMA_M
+    assert set(last.updated_s.tolist()) <= set(plots.time_s.tolist())
+    half, _ = run(GUIDED, plots, messages, cycles=range(12))
+    _, rest = run(GUIDED, plots, messages, load(save(half)), range(12, CYCLES))
+    assert np.array_equal(rest[-1].covariance, last.covariance)
+    assert np.array_equal(rest[-1].position_deg, last.position_deg)
+
+
+def test_an_ais_that_drifts_away_draws_no_track_and_is_left():
+    """Vessel 0 states positions that drift away by 5 m/s from the 24th second on, with plots that err by 45 m."""
+    truth = world(2, 31, kick_m_s=0.0, side_nm=1.0)
+    plots = plots_of(truth, two_radars(), PERIOD_S * CYCLES, 31)
+    messages = messages_of(truth, np.arange(2), every_s=3.0)
+    off = np.where((messages.origin == 0) & (messages.time_s > 24.0), 5.0 * (messages.time_s - 24.0), 0.0)
+    drifting = replace(messages, position_m=messages.position_m + off[:, None] * [1.0, 0.0])
+    _, out = run(GUIDED, plots, drifting)
+    before = out[6].take(out[6].origin == 0)
+    after = out[-1].take(out[-1].origin == 0)
+    assert (before.held_mmsi.tolist(), after.held_mmsi.tolist()) == ([1000], [-1])
+    assert before.track_id.tolist() == after.track_id.tolist()
+    worst = [errors_m(tracks.take(tracks.origin == 0), truth).max() for tracks in out[6:]]
+    assert max(worst) < 80.0  # the AIS is 240 m off at the end
+    assert sum(len(tracks) > 2 for tracks in out) < 6  # until it is left, its plots may make a second track
+    assert out[-1].held_mmsi[out[-1].origin == 1] == [1001]
+
+
+def test_a_vessel_that_no_radar_sees_is_not_reported():
+    truth = world(1, 33, kick_m_s=0.0, side_nm=1.0)
+    messages = messages_of(truth, np.arange(1), every_s=3.0)
+    _, out = run(GUIDED, Plots.empty(), messages)
+    assert [len(tracks) for tracks in out] == [0] * CYCLES
+
+
+def test_particles_cannot_be_guided():
+    with pytest.raises(ValueError, match=r"bank.method: got 'particles', needed 'compiled' with messages.method = 'guiding'"):
+        TableTracker(method="bp_particles", messages={"method": "guiding"})
