@@ -121,7 +121,7 @@ class Scenario(Settings):
     zones: tuple[Zone, ...] = ()
     input: Feed
     plots: PlotConverter = PolarConversion()
-    tracks: RadarTracker = TableTracker(method="sided_imm")
+    tracks: RadarTracker = TableTracker(method="guided_vimmjipda")
     ais_tracks: AisTracker = AisFilter()
     bearing_tracks: BearingTracker = BearingWindow()
     received_tracks: TrackReceiver = ReceivedTracks()

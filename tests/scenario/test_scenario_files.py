@@ -82,7 +82,7 @@ WRONG = {
         "associations.method",
         "got 'counted_test', which needs covariances",
     ),
-    "method": (replaced('method = "sided_imm"', 'method = "magic"'), "tracks.method", "got 'magic', needed one of sided_imm, imm"),
+    "method": (replaced('method = "guided_vimmjipda"', 'method = "magic"'), "tracks.method", "got 'magic', needed one of sided_imm, imm"),
     "method of the input": (replaced('method = "simulated"', 'method = "psychic"'), "input.method", "'psychic', needed one of"),
     "no input": (replaced('method = "simulated"\n', ""), "input", "method"),
     "two of a name": (replaced('"radar-2"', '"radar-1"'), "radars", "got the name 'radar-1' 2 times, needed each once"),
@@ -185,7 +185,7 @@ def test_every_stage_takes_a_setting_of_its_default_method_without_the_method() 
         tried.append(stage)
         made = getattr(load_scenario("solent", {f"{stage}.{setting}": str(getattr(default, setting))}), stage)
         assert made.method == default.method, stage
-    assert load_scenario("guanabara", {"tracks.upkeep.delete_misses": "9"}).tracks.method == "sided_imm"
+    assert load_scenario("guanabara", {"tracks.upkeep.delete_misses": "9"}).tracks.method == "guided_vimmjipda"
     assert {"spots", "octants", "associations", "bearing_associations", "fused_tracks", "picture"} <= set(tried)
 
 

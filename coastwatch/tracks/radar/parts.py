@@ -134,5 +134,5 @@ def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: Plot
     table.origins[slots, 0] = batch.origin[plots]
     alone = memory.plots_alone.with_slots(len(table.track_id))
     if alone.models:
-        alone.updated_s[slots], alone.left_mmsi[slots] = -np.inf, -1
+        alone.updated_s[slots], alone.left_mmsi[slots], alone.left_s[slots] = -np.inf, -1, -np.inf
     return replace(memory, table=table, next_id=memory.next_id + len(plots), plots_alone=alone)

@@ -24,13 +24,14 @@ class PlotFilters(Struct):
     combined_covariance: Floats = column(np.float64, "S", 4, 4)
     noise_m2_s3: Floats = column(np.float64, "S")
     left_mmsi: Ints = column(np.int64, "S")  # whose messages the track has left, -1: nobody's
+    left_s: Floats = column(np.float64, "S")  # when, -inf: never
 
     @classmethod
     def empty(cls, models: int) -> PlotFilters:
         """No slot. Args: models: J of each filter."""
         no, j = np.zeros(0), models
         shapes = np.zeros((0, j, 5)), np.zeros((0, j, 5, 5)), np.zeros((0, j)), np.zeros((0, 4)), np.zeros((0, 4, 4))
-        return cls(no, *shapes, no, np.zeros(0, np.int64))
+        return cls(no, *shapes, no, np.zeros(0, np.int64), no)
 
     @property
     def models(self) -> int:
@@ -61,4 +62,5 @@ class PlotFilters(Struct):
             for name, one in ((n, getattr(self, n)) for n in self.__dataclass_fields__)
         }
         rows["updated_s"][-more:], rows["left_mmsi"][-more:] = -np.inf, -1
+        rows["left_s"][-more:] = -np.inf
         return PlotFilters(**rows)

@@ -43,7 +43,7 @@ PRESETS: Mapping[str, Mapping[str, Part]] = {
     "vimmjipda_sequential": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "sequential"}},
     "vimmjipda_precise_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "precise_batch"}},
     "vimmjipda_noisy_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "noisy_batch"}},
-    "guided_vimmjipda": {"association": _JIPDA, "messages": {"method": "guiding"}},
+    "guided_vimmjipda": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "guiding"}},
     "bp_particles": {
         "association": _JIPDA,
         "motion": {"kind": "manoeuvres", "models": [_STRAIGHT]},
@@ -58,16 +58,14 @@ this part."""
 
 SHORT: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("sided_imm", "imm", "filterpy_imm"), ("plot_origin",)),
-    **dict.fromkeys(
-        ("vimmjipda_sequential", "vimmjipda_precise_batch", "vimmjipda_noisy_batch", "guided_vimmjipda"),
-        ("message_velocities",),
-    ),
+    **dict.fromkeys(("vimmjipda_sequential", "vimmjipda_precise_batch", "vimmjipda_noisy_batch"), ("message_velocities",)),
+    "guided_vimmjipda": ("plot_origin", "message_velocities"),
     "bp_particles": ("particles", "seed"),
 }
 """Settings of some presets that stand in `[tracks]` itself. A setting of a part, if it is given, holds before them."""
 
-ORIGINS = {"estimated": "nearest_neighbour", "known": "known_origin"}
-"""The association, by `plot_origin`."""
+ORIGINS = ("estimated", "known")
+"""Values of `plot_origin`. "known": the association is `known_origin`, which no message guides."""
 
 
 def expanded(data: Mapping[str, object], defaults: Mapping[str, str], upkeep_of: Mapping[str, str]) -> dict[str, object]:
@@ -82,9 +80,11 @@ def expanded(data: Mapping[str, object], defaults: Mapping[str, str], upkeep_of:
     if not isinstance(name, str) or name not in PRESETS:
         return {"method": name}  # it is refused, whatever its settings
     preset = PRESETS[name]
+    if name == "guided_vimmjipda" and out.get("plot_origin") == "known":
+        preset = PRESETS["sided_imm"]
     for key in SHORT.get(name, ()):
         if key in out:
-            part, settings = _in_part(key, out.pop(key))
+            part, settings = _in_part(key, out.pop(key), preset)
             given = out.get(part, {})
             if isinstance(given, Mapping):
                 out[part] = {**settings, **given}
@@ -113,10 +113,11 @@ def _with_tag(given: object, tag: str, named: Part) -> object:
     return {tag: named[tag], **given} if isinstance(given, Mapping) and tag not in given else given
 
 
-def _in_part(key: str, value: object) -> tuple[str, Part]:
-    """The part and its setting that a short setting stands for."""
+def _in_part(key: str, value: object, preset: Mapping[str, Part]) -> tuple[str, Part]:
+    """The part and its setting that a short setting of a preset stands for."""
     if key == "plot_origin":
         if value not in ORIGINS:
             raise ValueError(f"plot_origin: got {value!r}, needed {' or '.join(map(repr, ORIGINS))}")
-        return "association", {"method": ORIGINS[value]}
+        own = preset.get("association", {"method": "nearest_neighbour"})
+        return "association", {"method": "known_origin"} if value == "known" else own
     return ("messages", {"velocities": value}) if key == "message_velocities" else ("bank", {key: value})

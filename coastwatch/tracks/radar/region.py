@@ -78,6 +78,8 @@ def update_region(
     plots, heard, jumped, time_s, sensors, region = given
     upkeep, bank, origin_deg = parts.upkeep, parts.bank, sensors.region_origin_deg[region]
     memory = memory.without_radars(jumped).fitting(len(bank.models), len(sensors.radars))
+    if isinstance(messages, Guiding):
+        heard = messages.trusted(memory, heard, time_s)
     queue = None if isinstance(messages, NoMessages) else _MessagesInTurn(messages, in_order(messages, parts, heard, memory))
     memory = memory.with_clutter_map(parts.clutter, sensors.radars)
     good = is_usable(plots, time_s, upkeep.ahead_s)
@@ -114,7 +116,7 @@ def update_region(
     table = memory.table
     rows = upkeep.shown(table, time_s)
     if isinstance(messages, Guiding):
-        messages.leave(parts, memory, time_s)
+        messages.leave(parts, memory, float(heard.time_s.min(initial=np.inf)), time_s)
         rows, now = _by_plots(parts, memory, rows, time_s)
     else:
         now = bank.predict(table.filters, table.estimates, rows, time_s)
@@ -135,11 +137,12 @@ def _by_plots(parts: Parts, memory: RadarMemory, rows: Ints, time_s: float) -> t
     """The slots out of these that radars see, and their estimates by plots alone."""
     table, alone = memory.table, memory.plots_alone
     rows = rows[time_s - table.radar_s[rows].max(axis=1, initial=-np.inf) <= parts.upkeep.coast_s]
-    now = parts.bank.predict(table.filters, table.estimates, rows, time_s)
-    of = np.flatnonzero(alone.has_filter(rows))
-    by_plots = plots_alone.bank().predict(alone.filters, alone.estimates, rows[of], time_s)
-    for column, values in zip(now, by_plots, strict=True):
-        column[of] = values
+    has_filter = alone.has_filter(rows)
+    by_plots = plots_alone.bank().predict(alone.filters, alone.estimates, rows[has_filter], time_s)
+    others = parts.bank.predict(table.filters, table.estimates, rows[~has_filter], time_s)
+    now = Estimates(*(np.empty((len(rows), *column.shape[1:])) for column in others))
+    for column, one, other in zip(now, by_plots, others, strict=True):
+        column[has_filter], column[~has_filter] = one, other
     return rows, now
 
 

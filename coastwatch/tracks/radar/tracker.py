@@ -29,8 +29,8 @@ class TableTracker(Method):
     A `method` other than `table` is the name of a choice of parts: `sided_imm`, `imm`, `filterpy_imm`, `vimmjipda`, `sided_vimmjipda`,
     `vimmjipda_literal`, `vimmjipda_sequential`, `vimmjipda_precise_batch`, `vimmjipda_noisy_batch`, `guided_vimmjipda`,
     `bp_particles`. A part that is given replaces the one of this choice. Short settings: `plot_origin` ("known": the association
-    `known_origin`) of the first three, `message_velocities` (`messages.velocities`) of the methods with messages, `particles` and
-    `seed` (of `bank`) of the last.
+    `known_origin`) of the first three and of `guided_vimmjipda`, which is then as `sided_imm`; `message_velocities`
+    (`messages.velocities`) of the methods with messages; `particles` and `seed` (of `bank`) of the last.
 
     Source of IMM filters: H. A. P. Blom, Y. Bar-Shalom, The interacting multiple model algorithm for systems with Markovian switching
     coefficients, IEEE Trans. AC 33(8), 1988.

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from coastwatch.batches import Messages
 from coastwatch.stage import Positive
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.life.existence import KNOWN
@@ -20,16 +21,26 @@ class Guiding(Sequential):
 
     A second filter has the plots only, with the probabilities of this association. It is what a track reports, so that its errors stay
     independent of AIS, and an AIS that states a wrong position cannot draw it away. A track whose two filters contradict each other goes
-    on by plots alone, and takes no messages of that MMSI again. A vessel that no radar has seen for `coast_s` is not reported.
+    on by plots alone, and for a while no track takes messages of that MMSI. A vessel that no radar has seen for `coast_s` is not reported.
     """
 
     guides: ClassVar[bool] = True
     method: Literal["guiding"] = "guiding"  # type: ignore[assignment]
     doubt: Positive = 25.0  # normalised squared distance of the two filters at which a track leaves its messages
     elsewhere_s: Positive = 10.0  # a track also leaves them where another track has had newer ones of that MMSI for so long
+    distrust_s: Positive = 120.0  # so long no track takes messages of an MMSI that a track has left
 
-    def leave(self, parts: Parts, memory: RadarMemory, time_s: float) -> None:
-        """Tracks whose messages contradict their plots, or go to another track, go on by plots alone, in place."""
+    def trusted(self, memory: RadarMemory, messages: Messages, time_s: float) -> Messages:
+        """The messages without those of an MMSI that a track has left lately."""
+        table, alone = memory.table, memory.plots_alone
+        left = table.live[time_s - alone.left_s[table.live] < self.distrust_s]
+        return messages.take(~np.isin(messages.mmsi, alone.left_mmsi[left])) if len(left) else messages
+
+    def leave(self, parts: Parts, memory: RadarMemory, since_s: float, time_s: float) -> None:
+        """Tracks whose messages contradict their plots, or go to another track, go on by plots alone, in place.
+
+        All tracks of that MMSI do. Args: since_s: time of the oldest message of this cycle: a track without one is not tested again.
+        """
         table, alone = memory.table, memory.plots_alone
         every = table.probable_ids(table.live, KNOWN)
         slots, mmsi = table.live[every >= 0], every[every >= 0]
@@ -37,11 +48,13 @@ class Guiding(Sequential):
         newest_s = np.full(len(ids), -np.inf)
         np.maximum.at(newest_s, of, table.message_s[slots])
         gone = table.message_s[slots] < newest_s[of] - self.elsewhere_s
-        gone[plots_alone.contradicted(alone, table, parts.bank, slots, time_s, self.doubt)] = True
+        fresh = np.flatnonzero(table.message_s[slots] >= since_s)
+        gone[fresh[plots_alone.contradicted(alone, table, parts.bank, slots[fresh], time_s, self.doubt)]] = True
+        gone = np.isin(mmsi, mmsi[gone])
         left = slots[gone]
         if not len(left):
             return
-        alone.left_mmsi[left] = mmsi[gone]
+        alone.left_mmsi[left], alone.left_s[left] = mmsi[gone], time_s
         with_plots = left[alone.has_filter(left)]
         plots_alone.begin_at(table.filters, table.estimates, with_plots, parts.bank, alone.estimates, with_plots)
         table.updated_s[with_plots] = alone.updated_s[with_plots]

@@ -54,10 +54,7 @@ def take_at_once(
     """Weigh messages and update tracks by them. Args: size: (M,) messages of each id in the batch; none: no two are of one vessel."""
     table, batch, least = memory.table, columns_of(messages), parts.existence.least_model_probability
     pairs = parts.joint.predict_to_plots(table, near(parts, table, batch), batch)
-    kept = kernels.tracks.message_clusters.in_any_gate(tuple(table.filters), pairs, rules.limit)
-    if rules.guides:
-        kept &= memory.plots_alone.left_mmsi[pairs.slot[pairs.track]] != messages.mmsi[pairs.plot]
-    pairs = chosen(pairs, kept)
+    pairs = chosen(pairs, kernels.tracks.message_clusters.in_any_gate(tuple(table.filters), pairs, rules.limit))
     if rules.guides:
         plots_alone.begin_at_tracks(memory.plots_alone, table, pairs.slot)
     slot, start, plot = pairs.slot, pairs.start, pairs.plot
