@@ -241,7 +241,7 @@ def group_lives(number: int) -> bool:
 
 
 def test_ctrl_c_leaves_whole_files_and_no_process(start: Start, tmp_path: Path) -> None:
-    line = ["reproduce", "rangel", "--only", "figure-2", "--runs", "9", "--workers", "2", "--output", str(tmp_path)]
+    line = ["reproduce", "sagild", "--only", "synchronous", "--workers", "2", "--output", str(tmp_path)]  # of 900 short runs
     going = start(*line, start_new_session=True)
     until = time.monotonic() + TIMEOUT_S
     while not list((tmp_path / "runs").glob("*.json")) and time.monotonic() < until:
