@@ -204,8 +204,11 @@ def test_an_alarm_is_acknowledged_here_and_one_that_another_page_acknowledged_go
     rows = httpx.get(address).json()["alarms"]
     assert {row["alarm_id"] for row in rows if row["acknowledged_by"] == "Ana"} == {first}
     other = next(row["alarm_id"] for row in rows if row["acknowledged_by"] is None)
+    began = time.monotonic()
     httpx.post(f"{address}/{other}/acknowledge", json={"name": "Rui"}).raise_for_status()
     watch.until(done, lambda text: "acknowledged by Rui" in text)
+    watch.until(f"!document.querySelector('#alarm-rows li.open[data-alarm=\"{other}\"]')")
+    assert time.monotonic() - began < TOLD_S
 
 
 @pytest.mark.parametrize("width", [1024, 1280, 1920])
@@ -497,23 +500,6 @@ def test_shown_alarms_are_acknowledged_together_and_a_replay_has_no_ring_of_now(
     world.write()
 
 
-def test_an_alarm_that_another_page_acknowledged_goes_as_the_server_tells_it(world: World, watch: Watch) -> None:
-    address = f"http://127.0.0.1:{watch.port}/api/v1/alarms"
-    more = world.raise_alarms(after=40, count=3)
-    watch.ask("coastwatch.openDrawer('alarms')")
-    waiting = "[...document.querySelectorAll('#alarm-rows li.open')].map(row => row.dataset.alarm)"
-    watch.until(waiting, lambda ids: {int(id_.partition("-")[0]) for id_ in ids} >= set(more))
-    took_s = []
-    for vessel_id in more:
-        (alarm,) = (found for found in watch.ask(waiting) if found.startswith(f"{vessel_id}-"))
-        began = time.monotonic()
-        httpx.post(f"{address}/{alarm}/acknowledge", json={"name": "Rui"}).raise_for_status()
-        watch.until(waiting, lambda ids, gone=alarm: gone not in ids)
-        took_s.append(time.monotonic() - began)
-    assert max(took_s) < TOLD_S
-    world.write()
-
-
 def test_axe_finds_no_serious_fault_in_any_theme(watch: Watch) -> None:
     watch.ask(f"(coastwatch.select({DARK}), coastwatch.openDrawer('vessels'))")
     watch.until("document.querySelectorAll('#why table').length")
@@ -550,8 +536,8 @@ def test_no_request_leaves_loopback(watch: Watch) -> None:
 def test_after_kill_9_of_the_server_the_page_follows_the_next_one_within_15_seconds(world: World, browser: Any) -> None:
     with bound("127.0.0.1", 0) as free:
         port = free.getsockname()[1]
-    line = [sys.executable, "-c", "import sys; from coastwatch.operators.cli import main; sys.exit(main())"]
-    line += ["serve", "--db", world.url, "--port", str(port)]
+    code = "import sys; from coastwatch.operators.cli import main; sys.exit(main())"
+    line = [sys.executable, "-c", code, "serve", "--db", world.url, "--port", str(port)]
 
     def started() -> subprocess.Popen[bytes]:
         made = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

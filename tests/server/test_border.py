@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from feed_world import SEA, SENSORS, START_S, cycles, deliver, items, joined, put, put_datagrams, receiving
 from region_world import region_tracks
-from test_feeds import SEA, SENSORS, START_S, cycles, deliver, items, joined, put, put_datagrams, receiving
 
 from coastwatch.batches import limits
 from coastwatch.formats.decoding import BROKEN

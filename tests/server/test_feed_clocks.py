@@ -10,8 +10,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from feed_world import NAMES, SEA, SENSORS, deliver, put, sentence
 from server_world import Served
-from test_feeds import NAMES, SEA, SENSORS, deliver, put, sentence
 
 from coastwatch.formats.decoding import CONFIRMED_BY, FAR_JUMP_S, Stamps
 from coastwatch.formats.intake.faults import Tally

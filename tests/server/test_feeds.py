@@ -11,11 +11,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import reduce
 from importlib.util import find_spec
-from itertools import pairwise
-from operator import xor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,104 +19,40 @@ from typing import Any
 import numpy as np
 import pytest
 from asterix import generated
+from feed_world import (
+    NAMES,
+    SCENARIO,
+    SEA,
+    SENSORS,
+    SPAN_S,
+    START_S,
+    cycles,
+    deliver,
+    items,
+    joined,
+    put,
+    put_datagrams,
+    receiving,
+    same,
+    sentence,
+)
 from server_world import wait_for
 
-from coastwatch.batches import AisReports, AisStatics, BearingReports, RadarReports, Reports
+from coastwatch.batches import Reports
 from coastwatch.errors import AddressError
 from coastwatch.formats.decoding import JUMP
 from coastwatch.formats.nmea.ais import AisDecoder
-from coastwatch.operators.cli.serving import bound
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds import live_input
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import Batch, encoded, of_scenario, send
-from coastwatch.server.feeds.transport import Inbox, Item
-from coastwatch.server.link import Backoff, notice_loss
+from coastwatch.server.feeds.transport import Item
 from coastwatch.server.regions.scenario import with_track_sources
 from coastwatch.server.run import run_scenario
 from scaling.load import replayed
 
 pytestmark = pytest.mark.whole
-
-START_S, SPAN_S = 1_750_000_000.0, 30.0
-SCENARIO = load_scenario("guanabara")
-SENSORS = SCENARIO.sensors()
-NAMES = {"plot": SENSORS.radars.name, "bearing": SENSORS.sonars.name}
-
-
-def sea(vessels: int = 40, seed: int = 1) -> Reports:
-    """Half a minute of positions, names, plots and bearings."""
-    g = np.random.default_rng(seed)
-    n = 3 * vessels
-    when = np.sort(START_S + 1.0 + np.round(g.uniform(0, SPAN_S - 1.0, n), 3))
-    vessel = g.integers(0, vessels, n)
-    none = np.full(n, -1, np.int64)
-    place = np.round(np.stack([g.uniform(-23, -22.9, n), g.uniform(-43.2, -43, n)], 1), 5)
-    class_b, speed, course = vessel % 3 == 0, np.round(g.uniform(0, 20, n), 1), np.round(g.uniform(0, 359, n), 1)
-    ais = AisReports(
-        np.floor(when), when, 257_000_000 + vessel, place, speed, course, class_b, none, np.where(class_b, -1, 0),
-        np.zeros(n, np.int64), feed=np.zeros(n, np.int64),
-    )  # fmt: skip
-    name = AisStatics(
-        when[:5], ais.mmsi[:5], np.array(["ANA", "BIA", "CAI", "DUO", "EVA"]), np.full(5, "LA1B"), np.full(5, 70),
-        np.full(5, 90.0), np.full(5, 14.0),
-    )  # fmt: skip
-    radar = RadarReports(
-        sensor=g.integers(0, len(SENSORS.radars), n), time_s=when, received_s=when, range_m=g.uniform(1e3, 2e4, n),
-        azimuth_deg=g.uniform(0, 360, n), site_deg=SENSORS.radars.site_deg[np.zeros(n, np.int64)], origin=none,
-    )  # fmt: skip
-    bearing = BearingReports(
-        sensor=np.zeros(9, np.int64), time_s=when[:9], received_s=when[:9], bearing_deg=g.uniform(0, 360, 9), contact=np.arange(9),
-        site_deg=SENSORS.sonars.site_deg[np.zeros(9, np.int64)], signature=none[:9], origin=none[:9],
-    )  # fmt: skip
-    return Reports(radar, ais, name, bearing)
-
-
-SEA = sea()
-
-
-def items(address: str) -> list[bytes]:
-    return encoded(SEA, parsed(address), NAMES)
-
-
-@contextmanager
-def receiving(*addresses: str, sensors: Any = SENSORS, **given: Any) -> Iterator[LiveInput]:
-    with LiveInput([parsed(text) for text in addresses], sensors, clock="feeds", **given) as made:
-        yield made
-
-
-def deliver(made: LiveInput, received: int, feed: int = 0) -> None:
-    """Wait until a feed has received so many lines or datagrams."""
-    wait_for(lambda: made.feeds()[feed]["received"] >= received)
-
-
-def cycles(made: LiveInput, period_s: float = 5.0) -> list[Reports]:
-    edges = np.arange(START_S, START_S + SPAN_S + 2 * period_s, period_s)
-    return [made.between(a, b) for a, b in pairwise(edges.tolist())]
-
-
-def same(one: Any, other: Any) -> bool:
-    return all(
-        np.array_equal(getattr(one, f), getattr(other, f), equal_nan=getattr(one, f).dtype.kind == "f")
-        for f in one.__dataclass_fields__
-    )
-
-
-def joined(parts: list[Reports], kind: str) -> Any:
-    batches = [getattr(part, kind) for part in parts]
-    return type(batches[0]).join(batches)
-
-
-def put(port: int, lines: list[bytes]) -> None:
-    with socket.create_connection(("127.0.0.1", port)) as out:
-        out.sendall(b"\r\n".join([*lines, b""]))
-
-
-def put_datagrams(port: int, found: list[bytes]) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
-        for datagram in found:
-            out.sendto(datagram, ("127.0.0.1", port))
 
 
 def by_tcp(lines: list[bytes]) -> list[Reports]:
@@ -259,10 +191,6 @@ def test_radars_alone_take_the_date_of_their_address_and_go_on_over_midnight() -
 
 
 WITH_SOURCES = with_track_sources(SCENARIO, ["vts", "tower"]).sensors()
-
-
-def sentence(body: str) -> bytes:
-    return f"${body}*{reduce(xor, body.encode()):02X}".encode()
 
 
 def test_targets_of_a_radar_are_where_it_says_and_a_lost_one_is_set_aside() -> None:
@@ -471,99 +399,6 @@ def test_the_generator_connects_again_to_a_server_that_was_away() -> None:
         send(batches(), [parsed(f"json+tcp://127.0.0.1:{server.getsockname()[1]}")], 20.0, threading.Event())
         receiver.join()
     assert [data[:2] for data in taken] == [b"{}", b"{}"]
-
-
-@pytest.mark.parametrize(("failures", "wait_s"), [(1, 0.5), (2, 1.0), (5, 8.0), (6, 15.0), (5000, 15.0)])
-def test_each_wait_is_twice_the_one_before_up_to_the_longest(failures: int, wait_s: float) -> None:
-    assert Backoff(0.5, 15.0).wait_s(failures) == wait_s
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "ais",
-        "moon+tcp://x:1",
-        "ais+moon://x:1",
-        "ais+tcp://x",
-        "ais+tcp://:10",
-        "asterix+tcp://x:1",
-        "ais+file://",
-        "ais+tcp://x:99999",
-        "ais+mqtt://x",
-        "asterix+mqtt://x/topic",
-    ],
-)
-def test_an_address_of_no_feed_is_refused(text: str) -> None:
-    with pytest.raises(AddressError, match="needed"):
-        parsed(text)
-
-
-def test_a_taken_port_and_an_unknown_radar_are_refused() -> None:
-    with (
-        socket.create_server(("127.0.0.1", 0)) as held,
-        pytest.raises(OSError, match=r"feed ais\+listen://127\.0\.0\.1:\d+: Address already in use: is another program"),
-        receiving(f"ais+listen://127.0.0.1:{held.getsockname()[1]}"),
-    ):
-        pass
-    with pytest.raises(AddressError, match="needed SAC/SIC=NAME"), receiving("asterix+udp://127.0.0.1:0?25/1=moon"):
-        pass
-
-
-def test_a_feed_that_listens_takes_so_many_senders_and_room_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("coastwatch.server.feeds.transport.MOST_SENDERS", 2)
-    with receiving("ais+listen://127.0.0.1:0") as made:
-        held = []
-        for number in range(2):
-            held.append(socket.create_connection(("127.0.0.1", made.ports[0])))
-            wait_for(lambda number=number: made.feeds()[0]["connections"] == number + 1)
-        held[0].sendall(b"#\r\n")  # the second one is silent longest
-        deliver(made, 1)
-        held.append(socket.create_connection(("127.0.0.1", made.ports[0])))
-        held[1].settimeout(10.0)
-        assert held[1].recv(1) == b""
-        assert "silent longest" in str(made.feeds()[0]["error"])
-        held[2].sendall(b"#\r\n")
-        held[0].sendall(b"#\r\n")
-        deliver(made, 3)
-        for one in held:
-            one.close()
-        wait_for(lambda: not made.feeds()[0]["connected"])
-        put(made.ports[0], items("ais+tcp://x:1"))
-        deliver(made, 4)
-
-
-def test_a_name_that_no_machine_can_have_is_refused_and_stops_no_start() -> None:
-    with pytest.raises(OSError, match="no name of a machine"), receiving("ais+listen://north..example:1"):
-        pass
-    with receiving("ais+tcp://north..example:1") as made:
-        wait_for(lambda: "no name of a machine" in str(made.feeds()[0]["error"]))
-
-
-def test_an_inbox_is_bounded_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("coastwatch.server.feeds.transport.MOST_BYTES", 1 << 20)
-    inbox = Inbox(parsed("ais+udp://:1"))
-    inbox.put([b"x" * 60_000] * 17, 17 * 60_000, 0)
-    assert not inbox.is_full
-    inbox.put([b"x" * 60_000], 60_000, 0)
-    assert inbox.is_full
-    assert len(inbox.taken(100)) == 18
-    assert not inbox.is_full
-
-
-def test_a_sender_whose_machine_is_gone_is_noticed() -> None:
-    with socket.socket() as found:
-        notice_loss(found)
-        assert found.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
-        assert found.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) <= 30
-
-
-def test_a_viewer_whose_network_is_lost_is_noticed_by_the_socket_that_the_server_accepts() -> None:
-    with bound("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()):
-        accepted, _ = listener.accept()
-        with accepted:
-            assert accepted.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
-            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) <= 30
-            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 30_000  # ms, on Linux
 
 
 @pytest.mark.slow

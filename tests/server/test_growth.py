@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from feed_world import SENSORS
 from server_world import Served, wait_for
-from test_feeds import SENSORS
 
 from coastwatch.batches import AisStatics, RadarReports, TrackSources
 from coastwatch.errors import StoreError

@@ -1,0 +1,115 @@
+"""Addresses and sockets of live feeds: refused, bounded, noticed when the other side is gone."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+from feed_world import (
+    deliver,
+    items,
+    put,
+    receiving,
+)
+from server_world import wait_for
+
+from coastwatch.errors import AddressError
+from coastwatch.operators.cli.serving import bound
+from coastwatch.server.feeds.address import parsed
+from coastwatch.server.feeds.transport import Inbox
+from coastwatch.server.link import Backoff, notice_loss
+
+pytestmark = pytest.mark.whole
+
+
+@pytest.mark.parametrize(("failures", "wait_s"), [(1, 0.5), (2, 1.0), (5, 8.0), (6, 15.0), (5000, 15.0)])
+def test_each_wait_is_twice_the_one_before_up_to_the_longest(failures: int, wait_s: float) -> None:
+    assert Backoff(0.5, 15.0).wait_s(failures) == wait_s
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "ais",
+        "moon+tcp://x:1",
+        "ais+moon://x:1",
+        "ais+tcp://x",
+        "ais+tcp://:10",
+        "asterix+tcp://x:1",
+        "ais+file://",
+        "ais+tcp://x:99999",
+        "ais+mqtt://x",
+        "asterix+mqtt://x/topic",
+    ],
+)
+def test_an_address_of_no_feed_is_refused(text: str) -> None:
+    with pytest.raises(AddressError, match="needed"):
+        parsed(text)
+
+
+def test_a_taken_port_and_an_unknown_radar_are_refused() -> None:
+    with (
+        socket.create_server(("127.0.0.1", 0)) as held,
+        pytest.raises(OSError, match=r"feed ais\+listen://127\.0\.0\.1:\d+: Address already in use: is another program"),
+        receiving(f"ais+listen://127.0.0.1:{held.getsockname()[1]}"),
+    ):
+        pass
+    with pytest.raises(AddressError, match="needed SAC/SIC=NAME"), receiving("asterix+udp://127.0.0.1:0?25/1=moon"):
+        pass
+
+
+def test_a_feed_that_listens_takes_so_many_senders_and_room_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("coastwatch.server.feeds.transport.MOST_SENDERS", 2)
+    with receiving("ais+listen://127.0.0.1:0") as made:
+        held = []
+        for number in range(2):
+            held.append(socket.create_connection(("127.0.0.1", made.ports[0])))
+            wait_for(lambda number=number: made.feeds()[0]["connections"] == number + 1)
+        held[0].sendall(b"#\r\n")  # the second one is silent longest
+        deliver(made, 1)
+        held.append(socket.create_connection(("127.0.0.1", made.ports[0])))
+        held[1].settimeout(10.0)
+        assert held[1].recv(1) == b""
+        assert "silent longest" in str(made.feeds()[0]["error"])
+        held[2].sendall(b"#\r\n")
+        held[0].sendall(b"#\r\n")
+        deliver(made, 3)
+        for one in held:
+            one.close()
+        wait_for(lambda: not made.feeds()[0]["connected"])
+        put(made.ports[0], items("ais+tcp://x:1"))
+        deliver(made, 4)
+
+
+def test_a_name_that_no_machine_can_have_is_refused_and_stops_no_start() -> None:
+    with pytest.raises(OSError, match="no name of a machine"), receiving("ais+listen://north..example:1"):
+        pass
+    with receiving("ais+tcp://north..example:1") as made:
+        wait_for(lambda: "no name of a machine" in str(made.feeds()[0]["error"]))
+
+
+def test_an_inbox_is_bounded_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("coastwatch.server.feeds.transport.MOST_BYTES", 1 << 20)
+    inbox = Inbox(parsed("ais+udp://:1"))
+    inbox.put([b"x" * 60_000] * 17, 17 * 60_000, 0)
+    assert not inbox.is_full
+    inbox.put([b"x" * 60_000], 60_000, 0)
+    assert inbox.is_full
+    assert len(inbox.taken(100)) == 18
+    assert not inbox.is_full
+
+
+def test_a_sender_whose_machine_is_gone_is_noticed() -> None:
+    with socket.socket() as found:
+        notice_loss(found)
+        assert found.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
+        assert found.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) <= 30
+
+
+def test_a_viewer_whose_network_is_lost_is_noticed_by_the_socket_that_the_server_accepts() -> None:
+    with bound("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()):
+        accepted, _ = listener.accept()
+        with accepted:
+            assert accepted.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
+            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) <= 30
+            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 30_000  # ms, on Linux
