@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any, TypedDict, cast
+from typing import TypedDict, cast
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from coastwatch.operators.columns import digits_of, rounded
 from coastwatch.spelling import did_you_mean
 from coastwatch.store import QueryLimit, Rows, Store, Table
 from coastwatch.store.read.questions import ParameterError
+from coastwatch.store.runs import Run as Run
 
 MAIN_COLUMNS = (
     "vessel_id", "mmsi", "name", "nav_status", "latitude_deg", "longitude_deg", "sog_kn", "cog_deg", "major_m", "updated_utc",
@@ -64,21 +65,6 @@ WORDS = ("flags", "nav_status")  # numbers that people read as words
 NAMED_SOURCES = ("source", "first_source", "second_source")
 
 Box = tuple[float, float, float, float]
-
-
-class Run(TypedDict):
-    """What operators read of a run of the store."""
-
-    id: int
-    scenario: str
-    title: str
-    seed: int
-    status: str
-    start_s: float
-    period_s: float
-    cycles: int  # ENDLESS or more: of a live run
-    cycles_stored: int
-    settings: dict[str, Any]  # the scenario as a document, maybe of another version
 
 
 class Sensor(TypedDict):
@@ -140,7 +126,7 @@ def opened(url: str, limit: QueryLimit | None = None) -> Iterator[Store]:
 
 def run(database: Store, run_id: int | None) -> Run:
     """The run with this number, or the latest. Raises: StoreError if there is none."""
-    return cast(Run, store.run(database, store.latest_run(database) if run_id is None else run_id))
+    return store.run(database, store.latest_run(database) if run_id is None else run_id)
 
 
 def runs(database: Store) -> Rows:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 import numpy as np
 from sqlalchemy import ColumnElement, Connection, Executable, RowMapping, Table, delete, func, insert, select, true, update
@@ -183,6 +183,21 @@ def _delete(store: Store, which: Executable) -> list[int]:
     return found
 
 
+class Run(TypedDict):
+    """A row of `run`, as far as it is read by name, and its number of stored cycles."""
+
+    id: int
+    scenario: str
+    title: str
+    seed: int
+    status: str
+    start_s: float
+    period_s: float
+    cycles: int  # ENDLESS or more: of a live run
+    cycles_stored: int
+    settings: dict[str, Any]  # the scenario as a document, maybe of another version
+
+
 def runs(store: Store) -> Rows:
     """Every run, newest first, without its settings. Status `died`: it was not ended, and its process is no longer there."""
     stored = select(CYCLE.c.run_id, func.count().label("done")).group_by(CYCLE.c.run_id).subquery()
@@ -196,14 +211,14 @@ def runs(store: Store) -> Rows:
     return Rows(names, [tuple(row[name] for name in names) for row in found])
 
 
-def run(store: Store, run_id: int) -> dict[str, Any]:
+def run(store: Store, run_id: int) -> Run:
     """One run with settings, scores and faults. Raises: StoreError where there is none."""
     stored = select(func.count()).where(CYCLE.c.run_id == run_id).scalar_subquery().label("cycles_stored")
     with reading(store) as connection:
         row = connection.execute(select(*RUN.c, stored).where(RUN.c.id == run_id)).mappings().first()
         if row is None:
             raise no_run(connection, store, run_id)
-        return dict(row) | {"status": _status(connection, row)}
+        return cast(Run, dict(row) | {"status": _status(connection, row)})
 
 
 def run_status(store: Store, run_id: int) -> str:

@@ -130,11 +130,11 @@ class Actors:
             waiting[ref].joining = None
         return [actor for actor in self._actors if actor.joining is None]
 
-    def call(self, host: _Actor, name: str, region: int, *given: Any) -> Any:
+    def call(self, host: _Actor, name: str, region: int, *given: object) -> object:
         """Begin a method of an actor."""
         return getattr(host.handle, name).remote(region, *given)
 
-    def answer(self, host: _Actor, region: int, begun: Any) -> Any:
+    def answer(self, host: _Actor, region: int, begun: object) -> object:
         """The result of a call, with read-only arrays. Raises: Lost; the error of the call."""
         import ray
 

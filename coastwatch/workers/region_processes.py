@@ -9,7 +9,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any
+from typing import Any, cast
 
 from coastwatch.stage import In, Mem, Out, RegionStep
 from coastwatch.workers.processes import new_pool
@@ -40,17 +40,17 @@ class ProcessHosts:
         """All processes."""
         return list(self._pools)
 
-    def call(self, host: ProcessPoolExecutor, name: str, region: int, *given: Any) -> Future[Any]:
+    def call(self, host: ProcessPoolExecutor, name: str, region: int, *given: object) -> Future[object]:
         """Begin a method of the `RegionHost` in a process. Raises: Lost; OSError: too little shared memory."""
         try:
             if name == "step":
-                step, memory, cycles = given
+                step, memory, cycles = cast("tuple[RegionStep[Any, Any, Any], Any, Sequence[Any]]", given)
                 return host.submit(_step, region, step, memory, send(cycles, self._given[region]))
             return host.submit(_carry_out, name, region)
         except BrokenProcessPool as error:
             raise Lost from error
 
-    def answer(self, host: ProcessPoolExecutor, region: int, begun: Future[Any]) -> Any:
+    def answer(self, host: ProcessPoolExecutor, region: int, begun: Future[object]) -> object:
         """The result of a call. Raises: Lost; the error of the call."""
         try:
             found = begun.result()

@@ -11,7 +11,7 @@ import copy
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, Protocol, cast
+from typing import Any, Generic, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -36,24 +36,28 @@ class Kept:
     cycle: int
 
 
-class Hosts(Protocol):
+HostT = TypeVar("HostT")
+CallT = TypeVar("CallT")
+
+
+class Hosts(Protocol[HostT, CallT]):
     """Other processes, each with a `RegionHost`."""
 
     least_regions: int  # fewer are computed by the coordinator
 
-    def ready(self) -> list[Any]:
+    def ready(self) -> list[HostT]:
         """The hosts that can be called now, the same objects from cycle to cycle."""
         ...
 
-    def call(self, host: Any, name: str, region: int, *given: Any) -> Any:
+    def call(self, host: HostT, name: str, region: int, *given: object) -> CallT:
         """Begin the method of this name of a host's `RegionHost`. Returns: what `answer` takes. Raises: Lost."""
         ...
 
-    def answer(self, host: Any, region: int, begun: Any) -> Any:
+    def answer(self, host: HostT, region: int, begun: CallT) -> object:
         """The result of a call. Raises: Lost; the error of the call."""
         ...
 
-    def replace(self, host: Any) -> None:
+    def replace(self, host: HostT) -> None:
         """End a lost host, and begin another if possible."""
         ...
 
@@ -87,14 +91,14 @@ class RegionHost(Generic[Mem]):
 
 
 @dataclass
-class _Region:
+class _Region(Generic[HostT]):
     """A region as the coordinator knows it."""
 
     base: Any  # a memory that is here, which no step writes into
     since: list[Any] = field(default_factory=list)  # what the region was given after it, for each cycle
     seconds: float = 0.0  # processor time of these cycles
     cost: float = 1.0  # of the last cycle
-    host: Any = None
+    host: HostT | None = None
     current: bool = False  # whether the host has the memory after all that was given
     kept: Kept | None = None  # what was returned for it
 
@@ -103,15 +107,15 @@ class _Region:
         self.base, self.since, self.seconds = memory, [], 0.0
 
 
-class RemoteRegions:
+class RemoteRegions(Generic[HostT, CallT]):
     """A RegionMap over hosts; use it in a `with` block of theirs."""
 
-    def __init__(self, hosts: Hosts) -> None:
+    def __init__(self, hosts: Hosts[HostT, CallT]) -> None:
         self._hosts = hosts
-        self._regions: list[_Region] = []
+        self._regions: list[_Region[HostT]] = []
         self._step: RegionStep[Any, Any, Any] | None = None
         self._cycle = -1
-        self._ready: list[Any] = []
+        self._ready: list[HostT] = []
         self.lost = 0  # hosts so far
 
     def __call__(self, step: RegionStep[Mem, In, Out], memories: Sequence[Mem], given: Sequence[In]) -> list[tuple[Mem, Out]]:
@@ -148,7 +152,7 @@ class RemoteRegions:
         self._fetch([k for k in kept if self._regions[k].since])
         return [self._regions[k].base if isinstance(memory, Kept) else memory for k, memory in enumerate(memories)]
 
-    def _call(self, k: int, name: str, *given: object) -> Any:
+    def _call(self, k: int, name: str, *given: object) -> CallT | None:
         """What a region's host has begun; None if it is lost."""
         region = self._regions[k]
         if region.host is None:
@@ -159,7 +163,7 @@ class RemoteRegions:
             self._lose(region.host)
             return None
 
-    def _answer(self, k: int, begun: Any) -> Any:
+    def _answer(self, k: int, begun: CallT | None) -> object:
         """The result of a call; None if the host is lost."""
         host = self._regions[k].host
         if host is None or begun is None:
@@ -170,7 +174,7 @@ class RemoteRegions:
             self._lose(host)
             return None
 
-    def _lose(self, host: object) -> None:
+    def _lose(self, host: HostT) -> None:
         self.lost += 1
         for region in self._regions:
             if region.host is host:
@@ -178,19 +182,19 @@ class RemoteRegions:
         self._ready.remove(host)
         self._hosts.replace(host)
 
-    def _stepped(self, k: int, begun: object) -> tuple[Kept, object]:
+    def _stepped(self, k: int, begun: CallT | None) -> tuple[Kept, object]:
         """A region's `Kept` and what it yields, from its host, or computed here if that is lost."""
         region, answer = self._regions[k], self._answer(k, begun)
         region.kept = Kept(k, self._cycle)
         if answer is None:
             return region.kept, self._replay(region)
-        seconds, output = answer
+        seconds, output = cast("tuple[float, object]", answer)
         region.cost = seconds / (1 if region.current else len(region.since))
         region.seconds += seconds
         region.current = True
         return region.kept, output
 
-    def _replay(self, region: _Region) -> object:
+    def _replay(self, region: _Region[HostT]) -> object:
         """What a region yields in its last cycle, computed here, with all cycles since the base."""
         assert self._step is not None
         alone: RegionHost[Any] = RegionHost()

@@ -11,7 +11,7 @@ from page import Page
 from server_world import listening, wait_for
 from websockets.sync.client import connect
 
-from coastwatch.operators.api import hub
+from coastwatch.operators.api import streaming
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.wire import RING
 from coastwatch.store import open_store
@@ -48,8 +48,8 @@ def unread(address: str) -> socket.socket:
 def test_viewers_that_read_nothing_are_closed_and_counted_and_cost_the_others_nothing(
     vessels: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert hub.NOT_READ_S == 30.0
-    monkeypatch.setattr(hub, "NOT_READ_S", CLOSED_S)
+    assert streaming.NOT_READ_S == 30.0
+    monkeypatch.setattr(streaming, "NOT_READ_S", CLOSED_S)
     fleet, page = Fleet.of(vessels, 1), Page()
     with open_store(str(tmp_path / "sea.db")) as opened, ExitStack() as stack:
         service = Service(opened)

@@ -8,11 +8,12 @@ import logging
 import re
 import secrets
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
-from contextlib import asynccontextmanager, suppress
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import suppress
 
 from coastwatch.operators import export
 from coastwatch.operators.api.service import Service
+from coastwatch.operators.api.streaming import woken_by
 from coastwatch.server.alarm_book import Alarm, Change
 
 SILENCE_S = 15.0
@@ -53,7 +54,7 @@ class AlarmStream:
         run, at = (int(event[1]), int(event[2])) if event else (-1, -1)
         mark, waiting, order = f"{run}-{at}", dict[str, Alarm](), list[str]()  # order: the most urgent last
         silent_since_s = looked_s = time.monotonic()
-        async with _woken(self._service) as wait:
+        async with woken_by(self._service.book.listen) as wake:
             while not self._stopping():
                 changes = [] if book.run_id < 0 else book.since(run, at)  # before a run there are no alarms, and none are gone
                 if changes is None:
@@ -82,12 +83,12 @@ class AlarmStream:
                     looked_s = now_s
                     if not allowed():
                         return
-                await (asyncio.sleep(0.0) if waiting else wait(STOP_S))
+                await (asyncio.sleep(0.0) if waiting else _wait(wake, STOP_S))
 
     async def changes(self) -> AsyncIterator[list[Change]]:
         """The changes as they come, the first ones of this run among them. Alarms that are known when a run begins are no changes."""
         book, run, at = self._service.book, self._service.book.run_id, self._service.book.first - 1
-        async with _woken(self._service) as wait:
+        async with woken_by(self._service.book.listen) as wake:
             while True:
                 changes = book.since(run, at)
                 if changes is None:
@@ -96,7 +97,7 @@ class AlarmStream:
                 if changes:
                     at = changes[-1].number
                     yield changes
-                await wait(STOP_S)
+                await _wait(wake, STOP_S)
 
 
 def as_json(service: Service, alarms: Sequence[Alarm]) -> list[str | None]:
@@ -110,25 +111,11 @@ def as_json(service: Service, alarms: Sequence[Alarm]) -> list[str | None]:
         return [None] * len(alarms)
 
 
-@asynccontextmanager
-async def _woken(service: Service) -> AsyncIterator[Callable[[float], Awaitable[None]]]:
-    """A function that waits for the next change of alarms, for so many seconds at most."""
-    loop, event = asyncio.get_running_loop(), asyncio.Event()
-
-    def tell() -> None:
-        with suppress(RuntimeError):  # the loop has been closed
-            loop.call_soon_threadsafe(event.set)
-
-    async def wait(seconds: float) -> None:
-        with suppress(TimeoutError):
-            await asyncio.wait_for(event.wait(), seconds)
-        event.clear()
-
-    end = service.book.listen(tell)
-    try:
-        yield wait
-    finally:
-        end()
+async def _wait(wake: asyncio.Event, seconds: float) -> None:
+    """Wait for the next change of alarms, for so many seconds at most."""
+    with suppress(TimeoutError):
+        await asyncio.wait_for(wake.wait(), seconds)
+    wake.clear()
 
 
 def _event(name: str, number: str, data: str) -> bytes:

@@ -9,26 +9,21 @@ import threading
 from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
 from coastwatch.batches import Array
 from coastwatch.operators.api.metrics import Metrics
+from coastwatch.operators.api.streaming import BAD_MESSAGE, first_done, sent_in_time
 from coastwatch.operators.api.wire import PROTOCOL, RING, UNKNOWN_SOG, Encoder, Frame, since
 from coastwatch.server.live_picture import LivePicture
 from coastwatch.store.bbox import inside
 
-NOT_READ_S = 30.0
-"""A viewer that has not taken a message after this time is closed."""
-
 SILENCE_S = 10.0
 """Without a new frame a heartbeat is sent so often."""
-
-BAD_MESSAGE, NOT_READING = 4400, 4408
-"""Close codes."""
 
 Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 
@@ -166,15 +161,10 @@ class Hub:
                     return
 
     async def _send_one(self, socket: WebSocket, data: bytes) -> bool:
-        """Whether the viewer took the message in time; else it is closed."""
-        try:
-            await asyncio.wait_for(socket.send_bytes(data), NOT_READ_S)
-        except TimeoutError:
-            self._metrics.slow_closed.inc()
-            with suppress(Exception):  # it may be gone by now
-                await asyncio.wait_for(socket.close(NOT_READING, "nothing was read for 30 s"), 1.0)
-            return False
-        return True
+        """As `sent_in_time`, counted."""
+        in_time = await sent_in_time(socket, data)
+        self._metrics.slow_closed.inc(not in_time)
+        return in_time
 
 
 async def _listen(socket: WebSocket, viewer: Viewer) -> None:
@@ -185,17 +175,3 @@ async def _listen(socket: WebSocket, viewer: Viewer) -> None:
         except (ValidationError, ValueError, KeyError, TypeError):
             await socket.close(BAD_MESSAGE, f"needed JSON with bbox, kinds, min_sog and flags, as in {PROTOCOL}")
             return
-
-
-async def first_done(*jobs: Any) -> None:
-    """Run jobs until the first one ends, then stop the others. A viewer that leaves is no error."""
-    tasks = [asyncio.ensure_future(job) for job in jobs]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            with suppress(WebSocketDisconnect, RuntimeError, OSError):
-                task.result()
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)

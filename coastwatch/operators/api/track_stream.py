@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import json
-from contextlib import suppress
 
 from starlette.websockets import WebSocket
 
-from coastwatch.operators.api.hub import NOT_READ_S, NOT_READING, first_done
+from coastwatch.operators.api.streaming import BAD_MESSAGE, first_done, sent_in_time, woken_by
 from coastwatch.server.regions.link import Outgoing, Position
 from coastwatch.server.regions.message import PROTOCOL
 from coastwatch.server.regions.publisher import Publisher
 
-NO_TRACKS, BAD_MESSAGE = 4404, 4400
-"""Close codes."""
+NO_TRACKS = 4404
+"""Close code."""
 
 
 async def serve_tracks(socket: WebSocket, publisher: Publisher | None, had: Position, from_s: float) -> None:
@@ -24,17 +23,9 @@ async def serve_tracks(socket: WebSocket, publisher: Publisher | None, had: Posi
     if publisher is None:
         await socket.close(NO_TRACKS, "this server sends no tracks: it needs --role region")
         return
-    loop, wake = asyncio.get_running_loop(), asyncio.Event()
-
-    def tell() -> None:
-        with suppress(RuntimeError):  # the loop has been closed
-            loop.call_soon_threadsafe(wake.set)
-
-    outgoing, stop = Outgoing(had), publisher.listen(tell)
-    try:
+    outgoing = Outgoing(had)
+    async with woken_by(publisher.listen) as wake:
         await first_done(_send(socket, publisher, outgoing, from_s, wake), _listen(socket, outgoing, wake))
-    finally:
-        stop()
 
 
 async def _send(socket: WebSocket, publisher: Publisher, outgoing: Outgoing, from_s: float, wake: asyncio.Event) -> None:
@@ -44,11 +35,7 @@ async def _send(socket: WebSocket, publisher: Publisher, outgoing: Outgoing, fro
         if outgoing.room:
             cycles = await asyncio.to_thread(publisher.after, outgoing.position, outgoing.room, from_s)
         for position, message in cycles:
-            try:
-                await asyncio.wait_for(socket.send_bytes(message), NOT_READ_S)
-            except TimeoutError:
-                with suppress(Exception):  # it may be gone by now
-                    await asyncio.wait_for(socket.close(NOT_READING, "nothing was read for 30 s"), 1.0)
+            if not await sent_in_time(socket, message):
                 return
             outgoing.sent(position)
         if not cycles:

@@ -1,0 +1,57 @@
+"""What all streams of the API share: a viewer that does not read is closed, a change wakes its stream, one end ends both sides."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
+from typing import Any
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+NOT_READ_S = 30.0
+"""A viewer that has not taken a message after this time is closed."""
+
+BAD_MESSAGE, NOT_READING = 4400, 4408
+"""Close codes."""
+
+
+async def sent_in_time(socket: WebSocket, data: bytes) -> bool:
+    """Whether the other side took the message in time; else it is closed."""
+    try:
+        await asyncio.wait_for(socket.send_bytes(data), NOT_READ_S)
+    except TimeoutError:
+        with suppress(Exception):  # it may be gone by now
+            await asyncio.wait_for(socket.close(NOT_READING, "nothing was read for 30 s"), 1.0)
+        return False
+    return True
+
+
+@asynccontextmanager
+async def woken_by(listen: Callable[[Callable[[], None]], Callable[[], None]]) -> AsyncIterator[asyncio.Event]:
+    """An event that is set at each change. Args: listen: takes what is called at a change, in any thread; returns what ends that."""
+    loop, wake = asyncio.get_running_loop(), asyncio.Event()
+
+    def tell() -> None:
+        with suppress(RuntimeError):  # the loop has been closed
+            loop.call_soon_threadsafe(wake.set)
+
+    stop = listen(tell)
+    try:
+        yield wake
+    finally:
+        stop()
+
+
+async def first_done(*jobs: Awaitable[Any]) -> None:
+    """Run jobs until the first one ends, then stop the others. A viewer that leaves is no error."""
+    tasks = [asyncio.ensure_future(job) for job in jobs]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            with suppress(WebSocketDisconnect, RuntimeError, OSError):
+                task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
