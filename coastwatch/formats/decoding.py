@@ -11,7 +11,7 @@ import numpy as np
 
 from coastwatch.batches import Bools, Floats, Ints, Reports, limits
 from coastwatch.errors import InputError
-from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
 
 Item = tuple[float, bytes, int]
@@ -58,6 +58,8 @@ class Counts:
     late: int = 0  # left out: they came after their cycle
     before_run: int = 0  # left out: of an instant before the first cycle of this run
     dropped: int = 0  # left out: more waited for their cycle than there is room for
+    repeated: int = 0  # left out: the same as another one
+    ledger: Ledger = field(default_factory=Ledger)  # of lines and records, counted where they are cut from what came
     _began_s: float | None = None
 
     def begin(self) -> None:
@@ -119,6 +121,11 @@ class Decoder(Protocol):
     checked: bool  # whether its stamps are judged by the clock of this machine
 
     @property
+    def waiting(self) -> int:
+        """Records that were read and wait, for their cycle or for more of their message."""
+        ...
+
+    @property
     def stamps(self) -> Span:
         """The times of its reports so far."""
         ...
@@ -166,7 +173,7 @@ class Waiting:
         """Args: counts, tally: of the feed; kind: of batch; order: columns by which rows of one time are sorted."""
         self._counts, self._tally, self._kind, self._order = counts, tally, kind, order
         self._parts: list[Any] = []
-        self._rows = 0  # in the parts
+        self.rows = 0  # that wait
 
     def add(self, batch: Any) -> None:
         """Keep the reports within bounds until they are asked for."""
@@ -175,8 +182,8 @@ class Waiting:
             self._tally.add(limits.BEYOND + kind, "live", count=int(mask.sum()))
         if len(kept):
             self._parts.append(kept)
-            self._rows += len(kept)
-        if self._rows > MOST_WAITING:
+            self.rows += len(kept)
+        if self.rows > MOST_WAITING:
             self._drop_oldest()
 
     def _drop_oldest(self) -> None:
@@ -184,13 +191,13 @@ class Waiting:
         every = self._kind.join(self._parts)
         stay = newest_rows(every.received_s)
         self._counts.dropped += len(every) - len(stay)
-        self._parts, self._rows = [every.take(stay)], len(stay)
+        self._parts, self.rows = [every.take(stay)], len(stay)
 
     def cut(self, after_s: float, until_s: float) -> Any:
         """The reports of a span, each once, sorted by time and content. Older ones are counted."""
         every = self._kind.join(self._parts)
         keep = every.received_s > until_s
-        self._parts, self._rows = [every.take(keep)] if keep.any() else [], int(keep.sum())
+        self._parts, self.rows = [every.take(keep)] if keep.any() else [], int(keep.sum())
         found = every.take(~keep & ~self._counts.outdated(every.received_s, after_s))
         keys = [getattr(found, name) for name in self._order]
         keys = [column for key in keys for column in (key.T if key.ndim > 1 else [key])]
@@ -201,6 +208,7 @@ class Waiting:
             same &= key[order[1:]] == key[order[:-1]]
         twice[1:] = same
         self._counts.records += int((~twice).sum())
+        self._counts.repeated += int(twice.sum())
         return found.take(order[~twice])
 
 

@@ -90,6 +90,11 @@ class JsonDecoder:
         """As of `Decoder`."""
         return True
 
+    @property
+    def waiting(self) -> int:
+        """As of `Decoder`."""
+        return sum(one.rows for one in self._waiting.values())
+
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`."""
         found: dict[str, list[tuple[float, int, Any]]] = {kind: [] for kind in self._waiting}
@@ -97,6 +102,7 @@ class JsonDecoder:
             self._lines += 1
             if not text.strip():
                 continue
+            self.counts.ledger.read += 1
             try:
                 line = LINE.validate_json(text)
             except (ValidationError, RecursionError):

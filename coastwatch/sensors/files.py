@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import math
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
@@ -14,7 +15,7 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 from coastwatch.batches import Fault, FileContent, Reports, Sensors
 from coastwatch.errors import InputError
 from coastwatch.formats.decoding import DROPPED, LATE, Decoder, FeedSettings, Item, decode
-from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.registry import DECODED, FORMATS, decoders_of
 from coastwatch.sensors.captures import Bytes, datagrams, is_capture
 from coastwatch.sensors.recorded.files import found, opened
@@ -28,6 +29,7 @@ LONGEST = 65_536
 BATCH = 1_000
 """Messages that are decoded at a time: what comes out does not depend on how the file was read."""
 
+REPEATED, WAITING = SET_ASIDE + "the same report again", "waiting for a cycle or for more of a message"
 CUT_FILE, DAMAGED_FILE = "file cut short", "file damaged, not read any further"
 TOO_LONG = "message too long"
 LONGEST_NAME = 32  # of a source
@@ -126,7 +128,8 @@ class _File:
     def __init__(self, file: WireFile, decoder: Decoder) -> None:
         self.name, self.format, self.decoder = file.path.name, file.format, decoder
         self.is_read = False
-        self._items = items_of(file, decoder.tally)
+        self._uncut = Tally()  # what is refused before it comes to the decoder
+        self._items = items_of(file, self._uncut)
 
     def read_beyond(self, time_s: float) -> None:
         """Decode until a report is newer than an instant, or to the end."""
@@ -140,16 +143,18 @@ class _File:
     def faults(self) -> list[Fault]:
         """What was refused or set aside so far, with what came too late."""
         counts = self.decoder.counts
-        counted = (LATE, counts.late), (DROPPED, counts.dropped)
-        return [*self.decoder.tally.faults(), *(Fault(kind, count, self.name, "") for kind, count in counted if count)]
+        counted = (LATE, counts.late), (DROPPED, counts.dropped), (REPEATED, counts.repeated)
+        late = [Fault(kind, count, self.name, "") for kind, count in counted if count]
+        return [*self._uncut.faults(), *self.decoder.tally.faults(), *late]
 
     def content(self) -> FileContent:
         """What was taken so far."""
         stamps, counts = self.decoder.stamps, self.decoder.counts
         records = counts.records + counts.before_run
         span = (stamps.first_s, stamps.newest_s) if records else (math.nan, math.nan)
-        refused = sum(fault.count for fault in self.faults() if not fault.used)
-        return FileContent(self.name, f"{self.format} reports", records, *span, read=records + refused)
+        read = counts.ledger.read + sum(fault.count for fault in self._uncut.faults() if not fault.used)
+        beside = tuple((counts.ledger.beside + Counter({WAITING: self.decoder.waiting})).items())
+        return FileContent(self.name, f"{self.format} reports", records, *span, read=read, beside=beside)
 
 
 class WireStream:

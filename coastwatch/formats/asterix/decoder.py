@@ -122,6 +122,11 @@ class AsterixDecoder:
         """As of `Decoder`: whether the date of its first time of day is known."""
         return self._date_s is not None
 
+    @property
+    def waiting(self) -> int:
+        """As of `Decoder`."""
+        return self._plots.rows + self._tracks.rows
+
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A time of day is that nearest to the reference, or to the arrival."""
         plots: list[Plot] = []
@@ -146,8 +151,11 @@ class AsterixDecoder:
         return replace(Reports.empty(), radar=radar, tracks=tracks)
 
     def _found(self, data: bytes, arrived_s: float, about_s: float) -> Iterator[Plot | tuple[int, Track]]:
-        """The plots and the tracks, with the number of their source, of a datagram. What cannot be used is counted."""
-        lib = _library()
+        """The plots and the tracks, with the number of their source, of a datagram. What cannot be used is counted.
+
+        A block of another category, and what is damaged, count as one record.
+        """
+        lib, ledger = _library(), self.counts.ledger
         try:
             blocks = lib.Raw.parse(lib.Bits.from_bytes(data))
             if isinstance(blocks, ValueError):
@@ -155,6 +163,7 @@ class AsterixDecoder:
             for block in blocks:
                 category = block.get_category()
                 if category not in lib.kinds:
+                    ledger.read += 1
                     self.tally.add(OTHER_CATEGORY, self._where, str(category))
                     continue
                 records = lib.kinds[category].cv_uap.parse(block.get_raw_records())
@@ -162,9 +171,11 @@ class AsterixDecoder:
                     raise records
                 for record in records:
                     found = self._one(record, category, arrived_s, about_s)
+                    ledger.read += 1
                     if found is not None:
                         yield found
         except Exception as error:  # whatever a library raises on damaged bytes
+            ledger.read += 1
             self.tally.add(DAMAGED, self._where, f"{type(error).__name__}: {error}")
 
     def _one(self, record: Any, category: int, arrived_s: float, about_s: float) -> Plot | tuple[int, Track] | None:

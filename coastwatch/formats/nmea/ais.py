@@ -17,12 +17,12 @@ from coastwatch.formats import decoding
 from coastwatch.formats.decoding import FAR_AHEAD_S, Counts, Cut, Decoder, FeedSettings, Item, Newest, Stamps
 from coastwatch.formats.format import Format, SensorNames
 from coastwatch.formats.intake.ais_validation import DUPLICATE, Acceptance, AisIntake, AisRows, StaticRows
-from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import repeated
 from coastwatch.formats.nmea.messages import Assembler, Messages, taken
 from coastwatch.formats.nmea.new_vessels import BEYOND, NewVessels
 from coastwatch.formats.nmea.payload import decoded
-from coastwatch.formats.nmea.sentences import ais_sentences
+from coastwatch.formats.nmea.sentences import FURTHER, ais_sentences
 
 ANY_LATENESS_S = 1e9
 """Stamps are judged when rows come, not in the order of a file."""
@@ -46,22 +46,28 @@ NO_COURSE, NO_SPEED, NO_STATUS = 360.0, 102.3, 15
 class _Sender:
     """What is known of one sender of a feed: its clock, the beginnings of its messages, and the stamps that are believed."""
 
-    def __init__(self, name: str, checked: bool, tally: Tally) -> None:
+    def __init__(self, name: str, checked: bool, tally: Tally, ledger: Ledger) -> None:
         self.stamps = Stamps(name, checked, tally)
-        self._name, self._checked, self._tally = name, checked, tally
+        self._name, self._checked, self._tally, self._ledger = name, checked, tally, ledger
         self._assembler = Assembler(name, tally)
         self._ahead: list[Item] = []  # lines that belong to the next sentence
         self._clock: list[Item] = []  # the last clock sentence
 
+    @property
+    def waiting(self) -> int:
+        """Sentences that wait for others of their messages."""
+        return self._assembler.waiting
+
     def messages(self, items: list[Item], lines_before: int) -> Messages:
         """The messages that are whole, with their times. Args: lines_before: of the feed, for the numbers of lines."""
-        items = [*self._clock, *self._ahead, *items]
+        items, again = [*self._clock, *self._ahead, *items], len(self._clock)
         self._clock, self._ahead = [], []
         while items and len(self._ahead) < MOST_AHEAD and _is_ahead(items[-1][1]):
             self._ahead.insert(0, items.pop())
         self._clock = [item for item in items if item[1][3:6] in CLOCKS][-1:]
-        found = ais_sentences([line for _, line, _ in items], self._name, self._tally)
+        found = ais_sentences([line for _, line, _ in items], self._name, self._tally, self._ledger, again)
         messages = self._assembler.whole([s._replace(line=s.line + lines_before) for s in found], False)
+        self._ledger.beside[FURTHER] += int(messages.sentences.sum()) - len(messages.line)
         arrived = np.array([when for when, _, _ in items], np.float64)
         at = np.clip(
             messages.line - lines_before - 1, 0, max(len(items) - 1, 0)
@@ -106,6 +112,12 @@ class AisDecoder:
         """As of `Decoder`, of all senders together."""
         return self._newest
 
+    @property
+    def waiting(self) -> int:
+        """As of `Decoder`."""
+        of_messages = sum(sender.waiting for sender in self._senders.values())
+        return of_messages + sum(map(len, self._rows)) + sum(len(rows) for _, rows in self._statics)
+
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A sentence without a time has that of its arrival."""
         by_sender: dict[int, list[Item]] = {}
@@ -113,12 +125,13 @@ class AisDecoder:
             by_sender.setdefault(item[2], []).append(item)
         for number, own in by_sender.items():
             if number not in self._senders:
-                self._senders[number] = _Sender(self.name, self.checked, self.tally)
+                self._senders[number] = _Sender(self.name, self.checked, self.tally, self.counts.ledger)
             self._senders.move_to_end(number)
             sender = self._senders[number]
             messages = sender.messages(own, self._lines)
             self._lines += len(own)
             rows, statics, static_rows = decoded(messages, self.name, self.tally)
+            self.counts.ledger.read += int(np.isin(static_rows.row, rows.row).sum())  # a message with a position and a name
             self._rows.append(rows)
             self._of.append(np.full(len(rows), number, np.int64))
             self._statics.append((statics, static_rows))

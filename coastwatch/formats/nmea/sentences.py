@@ -25,6 +25,8 @@ TAG_CUT = "tag block without end"
 PREFIX = "unreadable prefix"
 OTHER_SENTENCE = SET_ASIDE + "other sentence"
 OF_OTHERS = "times and tag blocks of other lines"
+FURTHER = "further sentences of messages"
+OF_OWN_SHIP = "position, motion and heading of own ship"
 
 REMEMBERED_GROUPS = 4096
 AIS_SENTENCES = (b"VDM", b"VDO")
@@ -55,21 +57,24 @@ class _Prefix(NamedTuple):
 NO_PREFIX = _Prefix()
 
 
-def ais_sentences(lines: Iterable[bytes], name: str, tally: Tally, ledger: Ledger | None = None) -> Iterator[ReceivedSentence]:
+def ais_sentences(
+    lines: Iterable[bytes], name: str, tally: Tally, ledger: Ledger | None = None, again: int = 0
+) -> Iterator[ReceivedSentence]:
     """As `wanted_sentences`, of AIS."""
-    return wanted_sentences(lines, name, tally, AIS_SENTENCES, ledger)
+    return wanted_sentences(lines, name, tally, AIS_SENTENCES, ledger, again)
 
 
 def wanted_sentences(
-    lines: Iterable[bytes], name: str, tally: Tally, wanted: tuple[bytes, ...], ledger: Ledger | None = None
+    lines: Iterable[bytes], name: str, tally: Tally, wanted: tuple[bytes, ...], ledger: Ledger | None = None, again: int = 0
 ) -> Iterator[ReceivedSentence]:
     """The sentences with these formatters among the lines, in order. Other lines are counted in the tally.
 
     A $PGHP line, or a tag block alone on its line, belongs to the next sentence. A sentence of a group without a time of
     its own takes that of the group.
-    Args: ledger: counts the lines that are neither blank nor comments, and those of times and tag blocks among them.
+    Args: ledger: counts the lines that are neither blank nor comments, and those of times and tag blocks among them; again: the
+    first lines were given before, and are not counted again.
     """
-    ledger = Ledger() if ledger is None else ledger
+    told = Ledger() if ledger is None else ledger, tally
     clock = math.nan
     waiting = NO_PREFIX
     groups: dict[bytes, float] = {}
@@ -77,6 +82,7 @@ def wanted_sentences(
         line = raw.strip()
         if not line or line[:1] == b"#":
             continue
+        ledger, tally = told if number > again else (Ledger(), Tally())
         ledger.read += 1
         usual = TAGGED.fullmatch(line) if waiting is NO_PREFIX else None
         if usual is not None:

@@ -20,7 +20,7 @@ from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE,
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
 from coastwatch.formats.nmea.messages import UNDECODABLE
-from coastwatch.formats.nmea.sentences import CHECKSUM, wanted_sentences
+from coastwatch.formats.nmea.sentences import CHECKSUM, OF_OWN_SHIP, wanted_sentences
 from coastwatch.formats.target_numbers import TargetNumbers
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg
 
@@ -217,16 +217,22 @@ class TargetDecoder:
         self._waiting = Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg"))
         self._seen = self._lines = 0  # lines that have come, and those before what is decoded
         self._before: list[Item] = []  # the last clock sentence, and lines that belong to the next sentence
+        self._again = 0  # of them, lines that were decoded before
 
     @property
     def has_dates(self) -> bool:
         """As of `Decoder`."""
         return True
 
+    @property
+    def waiting(self) -> int:
+        """As of `Decoder`."""
+        return self._waiting.rows
+
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A sentence without a time has that of its arrival."""
         self._seen += len(items)
-        items = [*self._before, *items]
+        items, again, own_ship = [*self._before, *items], self._again, self._targets.of_own_ship
         ahead = len(items)
         while (
             ahead
@@ -237,17 +243,22 @@ class TargetDecoder:
             ahead -= 1
         items, waiting = items[:ahead], items[ahead:]
         self._lines = self._seen - len(waiting) - len(items)
-        self._before = [*[item for item in items if item[1][3:6] in (b"ZDA", b"RMC")][-1:], *waiting]
+        clock = [item for item in items if item[1][3:6] in (b"ZDA", b"RMC")][-1:]
+        self._before, self._again = [*clock, *waiting], len(clock)
         lines = [line for _, line, _ in items]
         states: list[State] = []
         arrived: list[float] = []
-        for found in wanted_sentences(lines, self._name, self.tally, TARGETS + OWN_SHIP):
+        ledger = self.counts.ledger
+        for found in wanted_sentences(lines, self._name, self.tally, TARGETS + OWN_SHIP, ledger, again):
+            if found.line <= again:
+                continue
             when = items[found.line - 1][0]
             stamps = (s for s in (found.own_s, found.clock_s, when) if not math.isnan(s))
             state = self._targets.state(found.sentence, next(stamps, math.nan), f"{self._name}:{self._lines + found.line}")
             if state is not None:
                 states.append(state)
                 arrived.append(when)
+        ledger.beside[OF_OWN_SHIP] += self._targets.of_own_ship - own_ship
         if states:
             self._add(np.array(states, np.float64), np.array(arrived))
 

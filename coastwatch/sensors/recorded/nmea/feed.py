@@ -24,7 +24,7 @@ from coastwatch.formats.intake.faults import SET_ASIDE, Ledger, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING, reception_times
 from coastwatch.formats.nmea.messages import Assembler, Messages
 from coastwatch.formats.nmea.payload import decoded
-from coastwatch.formats.nmea.sentences import ais_sentences
+from coastwatch.formats.nmea.sentences import FURTHER, ais_sentences
 from coastwatch.sensors.recorded.files import GZIP_MAGIC, Fingerprint, fingerprint, has_sentences, opened
 from coastwatch.sensors.recorded.merging import span_of
 from coastwatch.stage import Method, NotNegative, Plan
@@ -32,7 +32,7 @@ from coastwatch.stage import Method, NotNegative, Plan
 TIME_OF_NEIGHBOUR = SET_ASIDE + "time missing, that of its neighbour taken"
 OWN_SHIP = SET_ASIDE + "own ship"
 CUT_FILE = "file cut short"
-NAMES, FURTHER, WAITING = "names and sizes", "further sentences of messages", "not yet judged"
+NAMES, WAITING = "names and sizes", "not yet judged"
 """What is beside the positions of a file."""
 
 BLOCK = 25_000  # sentences that are decoded at once

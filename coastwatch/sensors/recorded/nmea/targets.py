@@ -13,11 +13,9 @@ from coastwatch.batches import FileContent, Floats, TrackReports, TrackSources
 from coastwatch.formats.intake.ais_validation import AisIntake
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import LATE, TIME_MISSING, reception_times
-from coastwatch.formats.nmea.sentences import wanted_sentences
+from coastwatch.formats.nmea.sentences import OF_OWN_SHIP, wanted_sentences
 from coastwatch.formats.nmea.targets import OWN_SHIP, TARGETS, State, TargetSentences, time_of_day_s
 from coastwatch.sensors.recorded.nmea.feed import lines_of
-
-OF_OWN_SHIP = "position, motion and heading of own ship"
 
 
 def target_reports(
