@@ -129,12 +129,12 @@ def _among(pairs: Pairs, vessel_id: Ints, first_id: Ints, second_id: Ints) -> Bo
 
 def _counts(settings: AlarmSettings, picture: Picture, slow: Bools, time_s: float) -> Bools:
     """Which vessels may be one of a pair. (V,) Args: slow: (V,)."""
-    known = (time_s - picture.since_s >= settings.cpa_known_s) & (time_s - picture.updated_s <= settings.cpa_oldest_s)
+    is_certain = (time_s - picture.since_s >= settings.cpa_known_s) & (time_s - picture.updated_s <= settings.cpa_oldest_s)
     if not settings.cpa_at_rest:
-        return np.asarray(known & ~slow)
+        return np.asarray(is_certain & ~slow)
     at_rest = np.isin(picture.nav_status, (NavStatus.AT_ANCHOR, NavStatus.MOORED, NavStatus.AGROUND))
     at_rest |= (picture.flags & Flag.STATIONARY) != 0
-    return np.asarray(known & (~slow | (at_rest & (picture.mmsi >= 0))))
+    return np.asarray(is_certain & (~slow | (at_rest & (picture.mmsi >= 0))))
 
 
 def _candidates(

@@ -85,8 +85,8 @@ class Expected:
         """The names of the sensors that reach each position, nearest first. Args: position_deg: (B, 2)."""
         if not self.names:
             return [[] for _ in position_deg]
-        apart = difference_m(position_deg[:, None, :], self.site_deg[None])
-        distance_m = np.hypot(apart[..., 0], apart[..., 1])
+        offset_m = difference_m(position_deg[:, None, :], self.site_deg[None])
+        distance_m = np.hypot(offset_m[..., 0], offset_m[..., 1])
         reaches, order = distance_m <= self.range_m, np.argsort(distance_m, axis=1, kind="stable")
         return [[self.names[k] for k in rows if there[k]] for rows, there in zip(order.tolist(), reaches.tolist(), strict=True)]
 
@@ -120,11 +120,11 @@ class EvidenceContext:
 
     def members_of(self, vessel_id: Ints, picture: Picture) -> Ints:
         """(L, 3) vessel, source, track, sorted: the tracks of some vessels, those of bearings among them."""
-        m, bearings, found = self.members, self.bearing_tracks, self.bearing_associations
+        m, bearings, pairs = self.members, self.bearing_tracks, self.bearing_associations
         of_bearings = (
-            picture.vessel_id[found.vessel_row],
-            bearings.source[found.bearing_row],
-            bearings.track_id[found.bearing_row],
+            picture.vessel_id[pairs.vessel_row],
+            bearings.source[pairs.bearing_row],
+            bearings.track_id[pairs.bearing_row],
         )
         parts = [np.stack(columns, 1) for columns in ((m.vessel_id, m.source, m.track_id), of_bearings)]
         wanted = np.unique(vessel_id)
@@ -143,10 +143,10 @@ def next_events(
     old, now = joint_keys((memory.key, memory.subject), (key, subject))
     lasts = np.isnan(memory.end_s)
     at = find(old, now)
-    known = at >= 0
+    was_there = at >= 0
     returns = np.zeros(len(now), np.bool_)
-    returns[known] = ~lasts[at[known]] & (time_s - memory.end_s[at[known]] <= gap_s)
-    new = ~(known & (returns | lasts[at])) if len(old) else np.ones(len(now), np.bool_)
+    returns[was_there] = ~lasts[at[was_there]] & (time_s - memory.end_s[at[was_there]] <= gap_s)
+    new = ~(was_there & (returns | lasts[at])) if len(old) else np.ones(len(now), np.bool_)
     gone = lasts & (find(now, old) < 0)
     returned = memory.spans(at[returns])
 
@@ -382,8 +382,8 @@ def _reach(begins: Beginning) -> list[str]:
         rows = range(len(expected.names)) if number == 0 else [number - 1]
         reached = np.zeros(len(picture), np.bool_)
         for row in rows:
-            apart = difference_m(picture.position_deg, np.broadcast_to(expected.site_deg[row], picture.position_deg.shape))
-            reached |= np.hypot(apart[:, 0], apart[:, 1]) <= expected.range_m[row]
+            offset_m = difference_m(picture.position_deg, np.broadcast_to(expected.site_deg[row], picture.position_deg.shape))
+            reached |= np.hypot(offset_m[:, 0], offset_m[:, 1]) <= expected.range_m[row]
         names = ", ".join(expected.names[row] for row in rows[:MOST_NAMED])
         more = f" and {len(rows) - MOST_NAMED} more" if len(rows) > MOST_NAMED else ""
         out.append(f"; vessels in range of {names}{more}: {int(reached.sum())}")

@@ -106,16 +106,16 @@ def extend(
     was_open[at >= 0] = before.open[at[at >= 0]]
     kept = now.strong | was_open
     rows, at, was_open = np.flatnonzero(kept), at[kept], was_open[kept]
-    known, strong = at >= 0, now.strong[rows]
+    lasted, strong = at >= 0, now.strong[rows]
     zero, at_s = np.zeros(len(rows)), np.full(len(rows), float(time_s))
     held_s, since_s, mark = zero.copy(), at_s.copy(), now.mark[rows]
-    held_s[known] = before.held_s[at[known]] + np.where(strong[known], before_s[at[known]], 0.0)
-    since_s[known], mark[known] = before.since_s[at[known]], before.mark[at[known]]
+    held_s[lasted] = before.held_s[at[lasted]] + np.where(strong[lasted], before_s[at[lasted]], 0.0)
+    since_s[lasted], mark[lasted] = before.since_s[at[lasted]], before.mark[at[lasted]]
     is_open = was_open | (held_s >= open_s - SLACK_S)
     holds = Lasting(now.key[rows], now.subject[rows], held_s, zero, is_open, since_s, at_s, mark)
 
     rest = np.ones(len(old), np.bool_)
-    rest[at[known]] = False
+    rest[at[lasted]] = False
     gone = before.take(rest)
     waits = find(frozen, gone.vessel_id) >= 0
     missed_s = gone.missed_s + np.where(waits, 0.0, before_s[rest])

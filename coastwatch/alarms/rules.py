@@ -70,18 +70,18 @@ class AlarmRules(AlarmSettings):
     def step(self, memory: AlarmMemory, given: AlarmInput) -> tuple[AlarmMemory, VesselAlarms]:
         """The alarms that hold in this cycle."""
         picture, members, time_s, sensors, zones, cover, hearing = given
-        known = shapes(zones, self.zone_margin_m)
+        zone_shapes = shapes(zones, self.zone_margin_m)
         seen = look(self, memory.watched, picture, members, memory.members, sensors, time_s)
-        zone_memory, raised = zone_alarms(self, memory.zones, seen, known, time_s)
+        zone_memory, raised = zone_alarms(self, memory.zones, seen, zone_shapes, time_s)
         followed, close, approaching = self._close(memory, seen, time_s)
         dragging, anchored = self._dragging(memory.dragging, seen, time_s)
         seen = self._standing(seen, sensors, hearing, time_s)
         raised = [*raised, approaching, anchored, self._lost(seen, sensors, cover, hearing, time_s)]
         after = AlarmMemory(seen.watched, zone_memory, followed, close, dragging, members)
-        found = _together(raised, seen.watched, known)
+        alarms = _together(raised, seen.watched, zone_shapes)
         if hearing is None:
-            return after, found
-        return after, VesselAlarms.join([sensor_alarms(hearing, sensors, picture, time_s), found])
+            return after, alarms
+        return after, VesselAlarms.join([sensor_alarms(hearing, sensors, picture, time_s), alarms])
 
     def _close(self, memory: AlarmMemory, seen: Seen, time_s: float) -> tuple[Approaching, Lasting, Raised]:
         """Close approaches. Within the limits they begin, within the wider ones they last."""
@@ -148,23 +148,23 @@ class AlarmRules(AlarmSettings):
         for bit, sensor_cover in zip((AIS, RADAR), sensor_covers(sensors, self.cover_margin, hearing), strict=True):
             of_kind = (u.sources[rows] & bit) != 0
             if bit == RADAR and cover is not None and len(cover):
-                known = np.ones(len(cover), np.bool_) if hearing is None else np.isfinite(hearing.radars.heard_s)
-                covered[of_kind] |= self._seen_by_radar(then_deg[of_kind], sensors, cover, known)
+                was_heard = np.ones(len(cover), np.bool_) if hearing is None else np.isfinite(hearing.radars.heard_s)
+                covered[of_kind] |= self._seen_by_radar(then_deg[of_kind], sensors, cover, was_heard)
             else:
                 covered |= sensor_cover.within(then_deg, of_kind)
                 covered |= np.isfinite(sensor_cover.stands_from_s(then_deg, of_kind))
         rows = rows[covered]
         return Raised.of(AlarmKind.LOST, u.vessel_id[rows], interval_s=silent_s[rows])
 
-    def _seen_by_radar(self, position_deg: Floats, sensors: Sensors, cover: RadarCover, known: Bools) -> Bools:
+    def _seen_by_radar(self, position_deg: Floats, sensors: Sensors, cover: RadarCover, was_heard: Bools) -> Bools:
         """Whether some radar should see each position: by its learnt cover where it has looked often enough, else by its range.
 
-        Args: position_deg: (K, 2); known: (R,) radars that were ever heard. Returns: (K,).
+        Args: position_deg: (K, 2); was_heard: (R,) radars that were ever heard. Returns: (K,).
         """
         placed = np.isfinite(cover.site_deg[:, :1])
         site_deg = np.where(placed, cover.site_deg, sensors.radars.site_deg)
         away = difference_m(position_deg[:, None], site_deg[None])
-        in_range = known & (np.hypot(away[..., 0], away[..., 1]) <= self.cover_margin * cover.range_m)
+        in_range = was_heard & (np.hypot(away[..., 0], away[..., 1]) <= self.cover_margin * cover.range_m)
         detection, looks = cover.ais_at(away[..., 0], away[..., 1])
         sees = in_range & ((looks < self.cover_looks) | (detection >= self.should_see))
         return np.asarray(sees.any(axis=1))

@@ -77,17 +77,17 @@ def look(
     tracked = (picture.flags & Flag.COASTING) == 0
     now = picture.take(tracked)
     at = find(before.vessel_id, now.vessel_id)
-    known = at >= 0
+    was_watched = at >= 0
     fresh = _rows_of(now, members, sensors, time_s)
     columns = {name: getattr(fresh, name) for name in vars(fresh)}
     for name in ("came_s", "way_from_deg", "anchorage_deg", "at_rest_s", "outside_s"):
-        columns[name][known] = getattr(before, name)[at[known]]
+        columns[name][was_watched] = getattr(before, name)[at[was_watched]]
     waited_s = np.zeros(len(now))
-    waited_s[known] = time_s - before.placed_s[at[known]]
+    waited_s[was_watched] = time_s - before.placed_s[at[was_watched]]
     columns["came_s"][waited_s > settings.forget_s] = time_s
     columns["way_from_deg"][waited_s > settings.forget_s] = now.position_deg[waited_s > settings.forget_s]
     before_deg = np.full((len(now), 2), np.nan)
-    before_deg[known] = before.position_deg[at[known]]
+    before_deg[was_watched] = before.position_deg[at[was_watched]]
 
     way_from_deg = columns["way_from_deg"].copy()
     way_m = np.hypot(*difference_m(now.position_deg, way_from_deg).T)
@@ -114,11 +114,11 @@ def _rows_of(now: Picture, members: Members, sensors: Sensors, time_s: float) ->
     for kind, bit in ((SourceKind.AIS, AIS), (SourceKind.RADAR, RADAR)):
         of_kind = row[(kinds[members.source] == int(kind)) & (row >= 0)]
         sources[of_kind] |= bit
-    known, first_source = row >= 0, len(sensors.region_names)
+    is_shown, first_source = row >= 0, len(sensors.region_names)
     track_source, others = np.full(n, -1, np.int64), np.zeros(n, np.bool_)
     is_given = (members.source >= first_source) & (members.source < sensors.ais_source)
-    np.maximum.at(track_source, row[known & is_given], members.source[known & is_given] - first_source)
-    others[row[known & ~is_given]] = True
+    np.maximum.at(track_source, row[is_shown & is_given], members.source[is_shown & is_given] - first_source)
+    others[row[is_shown & ~is_given]] = True
     track_source[others] = -1
     time, unknown = np.full(n, float(time_s)), np.full(n, np.nan)
     place = now.position_deg
@@ -187,9 +187,9 @@ def _anchored(
     away_m[lies] = np.hypot(*difference_m(now.position_deg[lies], anchorage[lies]).T)
     outside = away_m > settings.swing_m + SIGMAS * _sigma_m(now)
     settling = ~outside & (lain_s > 0.0) & (lain_s < settings.settle_s)
-    share = waited_s[settling] / (lain_s[settling] + waited_s[settling])
+    weight = waited_s[settling] / (lain_s[settling] + waited_s[settling])
     step_m = difference_m(now.position_deg[settling], anchorage[settling])
-    anchorage[settling] = offset_deg(anchorage[settling], share[:, None] * step_m)
+    anchorage[settling] = offset_deg(anchorage[settling], weight[:, None] * step_m)
     outside_s[outside & np.isnan(outside_s)] = time_s
     outside_s[~outside] = np.nan
     dragging = outside & slow & (at_anchor | (outside_s - at_rest_s >= settings.rest_s)) & (settings.swing_m > 0.0)

@@ -108,12 +108,12 @@ class Zone(Settings):
         reach_deg = np.degrees((self.radius_nm or 0.0) * NAUTICAL_MILE_M / EARTH_M)
         latitude = shape.points_deg[0, 0]
         if latitude + reach_deg >= NORTHERNMOST_DEG:
-            said = f"{latitude + reach_deg:.2f}, needed less than {NORTHERNMOST_DEG:g}"
+            latitude_text = f"{latitude + reach_deg:.2f}, needed less than {NORTHERNMOST_DEG:g}"
         elif latitude - reach_deg <= -NORTHERNMOST_DEG:
-            said = f"{latitude - reach_deg:.2f}, needed more than -{NORTHERNMOST_DEG:g}"
+            latitude_text = f"{latitude - reach_deg:.2f}, needed more than -{NORTHERNMOST_DEG:g}"
         else:
             return
-        raise ValueError(f"radius_nm: got a circle that reaches latitude {said}")
+        raise ValueError(f"radius_nm: got a circle that reaches latitude {latitude_text}")
 
 
 @dataclass(frozen=True)
@@ -320,8 +320,8 @@ def _has_entered(settings: AlarmSettings, stays: Lasting, seen: Seen) -> Bools:
 
 def _of_zones(by_number: dict[int, Shape], number: Ints) -> tuple[Bools, Floats]:
     """Whether entering each zone is an alarm, and the longest stay in it, inf: any. Args: number: (D,) of known zones."""
-    known, index = np.unique(number, return_inverse=True)
-    zones = [by_number[k].zone for k in known.tolist()]
+    numbers, index = np.unique(number, return_inverse=True)
+    zones = [by_number[k].zone for k in numbers.tolist()]
     enter = np.array([zone.enter for zone in zones], np.bool_)
     dwell_s = np.array([np.inf if zone.dwell_s is None else zone.dwell_s for zone in zones], np.float64)
     return enter[index], dwell_s[index]

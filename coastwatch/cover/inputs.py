@@ -24,7 +24,7 @@ class CoverInput(NamedTuple):
     tracks: Tracks  # (N) of all sources, at one time
     associations: Associations  # of them
     measurements: Measurements  # in the tracks
-    alarmed: Bools  # (N,) AIS tracks that are no witnesses
+    alarmed: Bools  # (N,) AIS tracks that are no reference vessels
     jumped: Bools  # (R,) radars whose corrections jumped before this cycle
     sensors: Sensors
     silent: Bools | None = None  # (R,) radars that are not heard; none: all are

@@ -104,11 +104,11 @@ class Seen(NamedTuple):
 class LearntCover(Method):
     """The share of vessels that a radar detects in a turn, in cells of 5 deg by a sixteenth of its range.
 
-    - A vessel with AIS is a witness in the cell where it is: the radar detects it in a turn if a track of the same vessel takes a
-      plot of that radar. One visit of a vessel to a cell counts at most `visit_looks` turns, so a moored vessel outvotes nobody.
+    - A vessel with AIS is a reference vessel of the cell where it is: the radar detects it in a turn if a track of the same vessel takes a
+      plot of that radar. One visit of a vessel to a cell counts at most `visit_looks` turns, so a moored vessel counts no more than others.
     - The share in a cell begins at the share of the whole radar, worth `prior_visits`. That of the radar begins at
       `prior_probability`, worth as much.
-    - What is said of a vessel rests on the other vessels alone. Else a false AIS position would prove that nobody is seen there.
+    - The probability for a vessel rests on the other vessels alone. Else a false AIS position would prove that nobody is seen there.
 
     Confirmed tracks of plots, and plots of no confirmed track, are counted in the same cells. Counts are forgotten with `memory_s`, as
     far as the antenna moves, and where the registration of a radar jumps.
@@ -150,8 +150,8 @@ class LearntCover(Method):
         has_plots = np.zeros(int(associations.vessel.max(initial=-1)) + 1, np.bool_)
         has_plots[associations.vessel[tracks.source < sensors.ais_source]] = True
         heard_for_s = np.where(is_ais, tracks.updated_s - tracks.started_s, 0.0)
-        witness = is_ais & ~given.alarmed & (heard_for_s >= self.settle_s)
-        drawn = self._drawn(tracks, witness) | self._drawn(tracks, tracks.source < len(sensors.region_names))
+        is_reference = is_ais & ~given.alarmed & (heard_for_s >= self.settle_s)
+        drawn = self._drawn(tracks, is_reference) | self._drawn(tracks, tracks.source < len(sensors.region_names))
         alone = is_ais & ~has_plots[associations.vessel]
         seen = _in_range(tracks, np.flatnonzero(drawn | alone), turned, sensors)
         counted = drawn[seen.row] & (turned.turns[seen.radar] > 0.0)
@@ -186,12 +186,12 @@ class LearntCover(Method):
     def _visited(
         self, before: Visits, counts: CellCounts, tracks: Tracks, seen: Seen, counted: Bools, hits: Floats, turned: Turned
     ) -> Visits:
-        """The visits of this cycle. Those that have ended are added to the counts. Args: counted: (P,) pairs of a witness."""
+        """The visits of this cycle. Those that have ended are added to the counts. Args: counted: (P,) pairs of a reference vessel."""
         radar, row, cell = seen.radar[counted], seen.row[counted], seen.cell[counted]
         turns = turned.turns[radar]
         rows = np.unique(row)
-        known = np.append(rows, -1)[kernels.tables.match_ids.index_of(tracks.track_id[rows], before.track_id)]
-        key = np.where(known >= 0, before.radar * len(tracks) + known, -1)
+        row_now = np.append(rows, -1)[kernels.tables.match_ids.index_of(tracks.track_id[rows], before.track_id)]
+        key = np.where(row_now >= 0, before.radar * len(tracks) + row_now, -1)
         order = np.argsort(key, kind="stable")
         at = find(key[order], radar * len(tracks) + row)
         at[at >= 0] = order[at[at >= 0]]
@@ -220,19 +220,19 @@ class LearntCover(Method):
         own, rows = np.zeros((2, len(asked.row))), np.unique(asked.row)
         row = rows[
             kernels.tables.match_ids.index_of(tracks.track_id[rows], visits.track_id)
-        ]  # a visit is of a witness, which is asked
+        ]  # a visit is of a reference vessel, which is asked
         at = find(visits.radar * len(tracks) + row, asked.radar * len(tracks) + asked.row)
-        known = np.flatnonzero(at >= 0)
-        weight = self._weight(visits)[at[known]]
-        own[:, known] = weight * visits.plots[at[known]], weight * visits.looks[at[known]]
+        has_visit = np.flatnonzero(at >= 0)
+        weight = self._weight(visits)[at[has_visit]]
+        own[:, has_visit] = weight * visits.plots[at[has_visit]], weight * visits.looks[at[has_visit]]
         r, cell = asked.radar, asked.cell
         prior = np.full(len(r), self.prior_probability)
         of_radar = self._share(plots.sum(axis=1)[r] - own[0], looks.sum(axis=1)[r] - own[1], prior)
-        share = self._share(plots[r, cell] - own[0], looks[r, cell] - own[1], of_radar)
+        probability = self._share(plots[r, cell] - own[0], looks[r, cell] - own[1], of_radar)
         if silent is not None:
-            share[silent[r]] = 0.0
+            probability[silent[r]] = 0.0
         best = np.zeros(len(rows))
-        np.maximum.at(best, np.searchsorted(rows, asked.row), share)
+        np.maximum.at(best, np.searchsorted(rows, asked.row), probability)
         return AisDetection(tracks.track_id[rows], best)
 
     def _cover(self, counts: CellCounts, looks: Floats, plots: Floats, sensors: Sensors) -> RadarCover:
@@ -265,11 +265,11 @@ def _turned(counts: CellCounts, plots: Plots, sensors: Sensors) -> Turned:
     turns, shift_m = np.zeros(len(radars)), np.zeros(len(radars))
     site_deg[sent] = from_plane(plots.site_m[newest[sent]], sensors.region_origin_deg[radars.region[sent]])
     newest_s[sent] = np.fmax(plots.time_s[newest[sent]], counts.newest_s[sent])
-    known = sent[np.isfinite(counts.newest_s[sent])]
-    passed = (newest_s[known] - counts.newest_s[known]) / radars.period_s[known]
-    turns[known] = np.where(passed <= PAUSE_TURNS, passed, 0.0)
-    apart = difference_m(site_deg[known], counts.site_deg[known])
-    shift_m[known] = np.hypot(apart[:, 0], apart[:, 1])
+    heard_before = sent[np.isfinite(counts.newest_s[sent])]
+    passed = (newest_s[heard_before] - counts.newest_s[heard_before]) / radars.period_s[heard_before]
+    turns[heard_before] = np.where(passed <= PAUSE_TURNS, passed, 0.0)
+    moved_m = difference_m(site_deg[heard_before], counts.site_deg[heard_before])
+    shift_m[heard_before] = np.hypot(moved_m[:, 0], moved_m[:, 1])
     return Turned(site_deg, newest_s, turns, shift_m)
 
 

@@ -107,8 +107,10 @@ class UsualPauses(Method):
             shown[whole], shown_from_s[whole] = time_s - began_s > max(self.ais_least_s, NEVER_HEARD_S), began_s
         row, ends = np.arange(sum(kinds)), (kinds[0], whole, whole + 1)
         stands = shown | (before.silent & (row < kinds[0]))  # of a radar that returns too: see `Hearing`
-        found = Hearing(after.heard_s, after.usual_s, after.amount, shown, np.where(stands, shown_from_s, np.inf), shown_back_s)
-        of_radars, of_sources, of_ais, of_stations = (found.take(rows) for rows in np.split(row, ends))
+        hearing = Hearing(
+            after.heard_s, after.usual_s, after.amount, shown, np.where(stands, shown_from_s, np.inf), shown_back_s
+        )
+        of_radars, of_sources, of_ais, of_stations = (hearing.take(rows) for rows in np.split(row, ends))
         return SilenceMemory(after, float(time_s), began_s), SensorHearing(of_radars, of_stations, of_sources, of_ais)
 
     def _allowed_s(self, habits: Habits, turn_s: Floats, kinds: tuple[int, int, int]) -> Floats:
@@ -133,9 +135,9 @@ def _heard(reports: Reports, ais_tracks: Tracks, before: Habits, time_s: float, 
         (0, radars, reports.radar.sensor, reports.radar.received_s),
         (radars, sources, reports.tracks.sensor, reports.tracks.received_s),
     ):
-        known = (sensor >= 0) & (sensor < rows) & np.isfinite(received_s)
-        count[first : first + rows] = np.bincount(sensor[known], minlength=rows)
-        np.maximum.at(newest_s, first + sensor[known], received_s[known])
+        is_counted = (sensor >= 0) & (sensor < rows) & np.isfinite(received_s)
+        count[first : first + rows] = np.bincount(sensor[is_counted], minlength=rows)
+        np.maximum.at(newest_s, first + sensor[is_counted], received_s[is_counted])
     amount, has_own, ais = count.copy(), before.has_own.copy(), reports.ais
     timed = np.isfinite(ais.received_s)
     ais = ais if timed.all() else ais.take(timed)

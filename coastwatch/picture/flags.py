@@ -117,8 +117,8 @@ def flag(
 def _should_be_seen(settings: IdentitySettings, detection: AisDetection, track_id: Ints, row: Ints, rows: int) -> Bools:
     """Which rows of the picture have an AIS track that some radar should see. (R,) Args: track_id, row: (B,) of AIS tracks."""
     out, at = np.zeros(rows, np.bool_), kernels.tables.match_ids.index_of(detection.track_id, track_id)
-    known = at >= 0
-    out[row[known]] = detection.probability[at[known]] >= settings.should_see
+    has_row = at >= 0
+    out[row[has_row]] = detection.probability[at[has_row]] >= settings.should_see
     return out
 
 
@@ -140,8 +140,8 @@ def _since(
     last cycle; vessel_of_row: (R,).
     """
     held_s = np.full(len(holds), np.inf)
-    known = (vessel_of_row >= 0) & (vessel_of_row < len(before_s))
-    held_s[known] = before_s[vessel_of_row[known]]
+    was_there = (vessel_of_row >= 0) & (vessel_of_row < len(before_s))
+    held_s[was_there] = before_s[vessel_of_row[was_there]]
     runs = cover.within(picture.position_deg, holds)
     begins = runs & ~np.isfinite(held_s)
     begins_s = cover.begins_s(picture.position_deg, begins, time_s, returns_s)
@@ -165,8 +165,8 @@ def _stationary(
     before = vessel_of_row[rows]
     variance = picture.covariance[:, 0, 0] + picture.covariance[:, 1, 1]
     radius_m = np.fmax(settings.stationary_m, STATIONARY_SIGMAS * np.sqrt(variance))
-    apart = difference_m(picture.position_deg[rows], memory.anchor_deg[before])
-    near = np.hypot(apart[:, 0], apart[:, 1]) <= radius_m[rows]
+    offset_m = difference_m(picture.position_deg[rows], memory.anchor_deg[before])
+    near = np.hypot(offset_m[:, 0], offset_m[:, 1]) <= radius_m[rows]
     rows, before = rows[near], before[near]
     anchor_deg[rows], since_s[rows] = memory.anchor_deg[before], memory.anchor_since_s[before]
     needed_s = np.maximum(settings.stationary_after_s, radius_m / (settings.under_way_kn * KNOT_M_S))
@@ -240,10 +240,10 @@ def _in_cover(
 
 
 def _contradicted(settings: IdentitySettings, pairs: TrackPairs, tracks: Tracks, time_s: float) -> Ints:
-    """Pairs that have been split for long enough and are farther apart than a poor association would explain."""
+    """Pairs that have been split for long enough and are farther offset_m than a poor association would explain."""
     late = np.flatnonzero(time_s - pairs.split_since_s >= settings.contradicted_after_s)
-    apart = difference_m(tracks.position_deg[pairs.ais[late]], tracks.position_deg[pairs.radar[late]])
-    is_far = np.linalg.norm(apart, axis=1) >= settings.contradicted_from_m
+    offset_m = difference_m(tracks.position_deg[pairs.ais[late]], tracks.position_deg[pairs.radar[late]])
+    is_far = np.linalg.norm(offset_m, axis=1) >= settings.contradicted_from_m
     return np.asarray(late[is_far])
 
 

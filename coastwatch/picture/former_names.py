@@ -136,8 +136,8 @@ def name_flags(settings: IdentitySettings, past: AisPast, picture: Picture, now:
     count = last - first
     of = np.repeat(np.arange(len(taken)), count)
     other_row = now.row[np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count) + first[of]]
-    apart = difference_m(picture.position_deg[other_row], picture.position_deg[row[of]])
-    far = np.hypot(apart[:, 0], apart[:, 1]) >= settings.taken_from_m
+    offset_m = difference_m(picture.position_deg[other_row], picture.position_deg[row[of]])
+    far = np.hypot(offset_m[:, 0], offset_m[:, 1]) >= settings.taken_from_m
     for contradicted in (row[of][far], other_row[far]):
         out[contradicted] |= int(Flag.AIS_CONTRADICTED)
     return out

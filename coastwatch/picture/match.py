@@ -108,16 +108,16 @@ def _match_returns(
 
     Returns: rows of `new` (B,), vessels (B,).
     """
-    held = time_s - columns.updated_s[free] <= settings.hold_s
+    is_held = time_s - columns.updated_s[free] <= settings.hold_s
     named = np.isin(columns.mmsi[free], new.mmsi[new.mmsi >= 0])
-    free = free[held | named]
+    free = free[is_held | named]
     free = free[np.argsort(columns.vessel_id[free])]
     old = known.take(free)
     new_by_mmsi, old_by_mmsi = _match_mmsi(settings, new, old, time_s)
-    held = time_s - old.updated_s <= settings.hold_s
-    held[old_by_mmsi] = False
+    is_held = time_s - old.updated_s <= settings.hold_s
+    is_held[old_by_mmsi] = False
     rest = np.delete(np.arange(len(new)), new_by_mmsi)
-    new_by_position, old_by_position = _match_positions(settings, new, rest, old, np.flatnonzero(held), time_s)
+    new_by_position, old_by_position = _match_positions(settings, new, rest, old, np.flatnonzero(is_held), time_s)
     return np.append(new_by_mmsi, new_by_position), free[np.append(old_by_mmsi, old_by_position)]
 
 
@@ -137,15 +137,15 @@ def _match_mmsi(settings: IdentitySettings, new: Picture, old: Picture, time_s: 
 
 
 def _match_positions(
-    settings: IdentitySettings, new: Picture, rest: Ints, old: Picture, held: Ints, time_s: float
+    settings: IdentitySettings, new: Picture, rest: Ints, old: Picture, candidates: Ints, time_s: float
 ) -> tuple[Ints, Ints]:
-    """Rows of new and old vessels that are near in position and velocity, one-to-one. Args: rest, held: rows that may match."""
+    """Rows of new and old vessels that are near in position and velocity, one-to-one. Args: rest, candidates: rows that may match."""
     from scipy.spatial import cKDTree
 
     none = np.zeros(0, np.int64)
-    if len(rest) == 0 or len(held) == 0:
+    if len(rest) == 0 or len(candidates) == 0:
         return none, none
-    moved = predict(old.take(held), time_s, settings.drift_m_s15)
+    moved = predict(old.take(candidates), time_s, settings.drift_m_s15)
     trees = cKDTree(earth_centred(new.position_deg[rest])), cKDTree(earth_centred(moved.position_deg))
     near = trees[0].sparse_distance_matrix(trees[1], NEAR_M, output_type="ndarray")
     i, j = rest[near["i"]], near["j"].astype(np.int64)
@@ -156,4 +156,4 @@ def _match_positions(
     difference = np.concatenate([position_m, velocity_m_s], axis=1)
     distance2 = squared_distance(difference, new.covariance[i] + moved.covariance[j])
     chosen = kernels.association.assignment.assign(i, j, settings.return_gate - distance2)
-    return i[chosen], held[j[chosen]]
+    return i[chosen], candidates[j[chosen]]

@@ -105,8 +105,8 @@ def rows_of_groups(
 
 def existence_of(tracks: Tracks, row_of_track: Ints, count: int) -> Floats:
     """The probability that each of `count` vessels exists: of its likeliest track; NaN where no track has one. (V,)"""
-    out, known = np.full(count, np.nan), np.flatnonzero(np.isfinite(tracks.existence))
-    np.fmax.at(out, row_of_track[known], tracks.existence[known])
+    out, has_existence = np.full(count, np.nan), np.flatnonzero(np.isfinite(tracks.existence))
+    np.fmax.at(out, row_of_track[has_existence], tracks.existence[has_existence])
     return out
 
 
