@@ -1,4 +1,4 @@
-"""Mean and standard deviation over runs of every figure: published, by the literal methods and by ours."""
+"""Mean and standard deviation over runs of every figure, a line for each method, and how it stands to the published value."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from coastwatch.reproduction.planning import Wanted
-from coastwatch.reproduction.published import Figure, Ordering, Point, Published, Value
+from coastwatch.reproduction.published import Figure, Ordering, Point, Published, Value, Variant
 
 Record = Mapping[str, Any]
 
@@ -41,22 +41,58 @@ class Made:
 
 
 @dataclass(frozen=True)
-class Row:
-    """A figure with all its columns; missing ones are empty."""
+class Line:
+    """One method under one figure."""
 
     figure: Figure
-    literal: Spread = field(default_factory=Spread)
-    default: Spread = field(default_factory=Spread)
-    asked_of: Spread = field(default_factory=Spread)
+    variant: Variant
+    measured: Spread = field(default_factory=Spread)
     bound: Spread = field(default_factory=Spread)
+    runs_published: int = 1  # that the published value is the mean of
+
+    @property
+    def published(self) -> float | None:
+        """The value of the paper; None where the variant is not the method of the paper."""
+        return self.figure.published if self.variant.name == self.figure.of_paper else None
+
+    @property
+    def asked(self) -> float | None:
+        """What is asked of this variant."""
+        return self.figure.asked if self.variant.name == self.figure.asked_of else None
 
     @property
     def reached(self) -> bool | None:
-        """Whether the target is reached; None without a target or a measurement."""
-        asked, got = self.figure.asked, self.asked_of.mean
-        if asked is None or math.isnan(got):
+        """Whether the target is reached; None without a target or a measurement, or of a scene laid out by hand."""
+        asked, got = self.asked, self.measured.mean
+        if asked is None or math.isnan(got) or self.figure.by_hand:
             return None
         return got <= asked if self.figure.better == "lower" else got >= asked
+
+    @property
+    def not_compared(self) -> str:
+        """Why there is no comparison with a published value; empty if there is one."""
+        if self.figure.by_hand:
+            return "the scene was laid out by hand to give it"
+        if self.published is None or not self.measured.values:
+            return "not measured" if self.published is not None else "no published value of this method"
+        return self.figure.why_not
+
+    @property
+    def against_published(self) -> str:
+        """How the measured value stands to the published one of the same method; empty without a comparison."""
+        if self.published is None or self.not_compared:
+            return ""
+        apart, error = self.measured.mean - self.published, self.measured.std / math.sqrt(len(self.measured.values))
+        if self.figure.equal:
+            error = math.hypot(error, self.measured.std / math.sqrt(self.runs_published))
+        rounding = 0.5 * 10.0**-self.figure.digits * (0.01 if self.figure.unit == "%" else 1.0)
+        if math.isnan(error) and self.figure.equal:
+            return "not decided: one run"
+        if abs(apart) <= (0.0 if math.isnan(error) else 2.0 * error) + rounding:
+            return "equal within 2 standard errors"
+        if self.figure.equal:
+            return "differs"
+        return "better" if (apart < 0.0) == (self.figure.better == "lower") else "worse"
 
 
 @dataclass(frozen=True)
@@ -66,6 +102,11 @@ class Order:
     ordering: Ordering
     point: Point
     difference: Spread  # the one that should be more, less the other, of the same seed
+
+    @property
+    def at(self) -> str:
+        """The point in short; empty without a sweep."""
+        return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for _, value in self.point)
 
     @property
     def error(self) -> float:
@@ -98,17 +139,18 @@ def orders(of: Published, made: Sequence[Made]) -> list[Order]:
     return found
 
 
-def rows(of: Published, made: Sequence[Made]) -> list[Row]:
-    """Every figure of a folder."""
+def lines(of: Published, made: Sequence[Made]) -> list[Line]:
+    """Every method under every figure of a folder. A method of ours never stands beside a value of another method."""
     return [
-        Row(
+        Line(
             figure,
-            _column(made, figure, figure.literal, figure.path),
-            _column(made, figure, figure.default, figure.path),
-            _column(made, figure, figure.asked_of if figure.asked is not None else "", figure.path),
-            _column(made, figure, figure.default or figure.literal, figure.bound) if figure.bound else Spread(),
+            of.named(name),
+            _column(made, figure, name, figure.path),
+            _column(made, figure, name, figure.bound) if figure.bound else Spread(),
+            of.runs,
         )
         for figure in of.figure
+        for name in figure.variants
     ]
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from coastwatch.reproduction.figures import Made, Order, Record, Row, Spread
+from coastwatch.reproduction.figures import Line, Made, Order, Record, Spread
 from coastwatch.reproduction.published import Published
 
-SCHEMA = 1  # of this object; incremented if a key is removed or changes its meaning
+SCHEMA = 2  # of this object; incremented if a key is removed or changes its meaning
 LARGE = ("picture", "roc")  # in the report as plots
 
 
@@ -21,7 +21,7 @@ class Folder:
     name: str
     of: Published
     made: tuple[Made, ...]
-    rows: tuple[Row, ...]
+    lines: tuple[Line, ...]
     orders: tuple[Order, ...] = ()
 
 
@@ -36,6 +36,23 @@ class Reproduction:
     machine: Mapping[str, Any]
     command: str
 
+    @property
+    def failures(self) -> list[str]:
+        """A sentence for each target that is missed and each ordering that fails."""
+        return [sentence for folder in self.folders for sentence in _failures(folder)]
+
+
+def _failures(folder: Folder) -> Iterator[str]:
+    for line in folder.lines:
+        if line.reached is False and line.asked is not None:
+            sign, scale = (">" if line.figure.better == "lower" else "<"), (100.0 if line.figure.unit == "%" else 1.0)
+            got, asked = (f"{scale * value:.{line.figure.digits}f}" for value in (line.measured.mean, line.asked))
+            yield f"{folder.name}: {line.figure.name}, {line.variant.title}: {got} {sign} {asked} {line.figure.unit}".rstrip()
+    for order in folder.orders:
+        if order.verdict == "fails":
+            at = f" at {order.at}" if order.point else ""
+            yield f"{folder.name}: {order.ordering.title}{at}: {order.difference.mean:.3g} +- {order.error:.2g}"
+
 
 def as_object(reproduction: Reproduction) -> dict[str, object]:
     """Plain values. A number that is not finite is null."""
@@ -49,8 +66,9 @@ def as_object(reproduction: Reproduction) -> dict[str, object]:
         "scenarios": {
             folder.name: {
                 "title": folder.of.title,
-                "figures": [_figure(row) for row in folder.rows],
+                "figures": [_figure(line) for line in folder.lines],
                 "orderings": [_order(order) for order in folder.orders],
+                "absent": [one.model_dump() for one in folder.of.absent],
                 "variants": [_variant(made) for made in folder.made],
             }
             for folder in reproduction.folders
@@ -58,24 +76,24 @@ def as_object(reproduction: Reproduction) -> dict[str, object]:
     }
 
 
-def _figure(row: Row) -> dict[str, object]:
-    f = row.figure
+def _figure(line: Line) -> dict[str, object]:
+    f = line.figure
     return {
         "name": f.name,
         "source": f.source,
-        "published": f.published,
-        "asked": f.asked,
-        "asked_of": f.asked_of if f.asked is not None else None,
-        "reached": row.reached,
+        "variant": line.variant.name,
+        "published": line.published,
+        "measured": _spread(line.measured),
+        "against_published": line.against_published or None,
+        "not_compared": line.not_compared or None,
+        "asked": line.asked,
+        "reached": line.reached,
+        "by_hand": f.by_hand,
         "better": f.better,
         "unit": "fraction of 1" if f.unit == "%" else f.unit,
         "path": f.path,
         "at": dict(f.at),
-        **{
-            name: {"variant": variant, **_spread(spread)}
-            for name, variant, spread in (("literal", f.literal, row.literal), ("default", f.default, row.default))
-        },
-        "bound": _spread(row.bound),
+        "bound": _spread(line.bound),
     }
 
 

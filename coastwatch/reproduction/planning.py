@@ -62,14 +62,18 @@ class Wanted:
 
 
 def plan(
-    folders: Mapping[str, Published], runs: int | None, code: str, further: tuple[str, ...] = ()
+    folders: Mapping[str, Published], runs: int | None, code: str, further: tuple[str, ...] = (), seed: int = FIRST_SEED
 ) -> dict[str, list[Wanted]]:
-    """The runs of each folder. Args: runs: instead of the folders' own number; code: digest of the code; further: settings of all runs."""
+    """The runs of each folder.
+
+    Args: runs: instead of the folders' own number; code: digest of the code; further: settings of all runs; seed: of the first run
+    of each variant; the others follow.
+    """
     if runs is not None and runs < 1:
         raise InputError(f"--runs: got {runs}, needed 1 or more")
     return {
         name: [
-            _wanted(name, of, variant, point, min(runs or of.runs, variant.most_runs or sys.maxsize), code, further)
+            _wanted(name, of, variant, point, min(runs or of.runs, variant.most_runs or sys.maxsize), code, further, seed)
             for variant in of.variant
             for point in of.points(variant)
         ]
@@ -83,11 +87,13 @@ def unlike(plan: Mapping[str, list[Wanted]]) -> list[Job]:
     return sorted(found.values(), key=lambda job: job.serial)
 
 
-def _wanted(name: str, of: Published, variant: Variant, point: Point, runs: int, code: str, further: tuple[str, ...]) -> Wanted:
+def _wanted(
+    name: str, of: Published, variant: Variant, point: Point, runs: int, code: str, further: tuple[str, ...], seed: int
+) -> Wanted:
     settings = settings_of(variant, point)
     given = *settings, *further
     subject = _two_filters(of.two_filters, variant, given) if of.two_filters else _scenario(name, variant, given)
-    jobs = tuple(_job(of, subject, FIRST_SEED + k, variant.roc if k < ROC_SEEDS else None, code) for k in range(runs))
+    jobs = tuple(_job(of, subject, seed + k, variant.roc if k < ROC_SEEDS else None, code) for k in range(runs))
     return Wanted(variant, point, settings, jobs)
 
 

@@ -59,7 +59,9 @@ class Figure(Settings):
     asked_by: str = ""
     asked_of: str = "default"  # the variant that must reach the target
     better: Literal["higher", "lower"] = "higher"
-    compared: bool = True  # whether ours can be better or worse than published; counts of decisions cannot
+    equal: bool = False  # the measured value should be the published one, neither more nor less
+    why_not: str = ""  # why the measured value is not compared with the published one; empty: it is
+    by_hand: bool = False  # the scene was laid out by hand to give it: neither a comparison nor a target
     path: str  # path in the record
     over: str = ""  # path of the divisor
     bound: str = ""  # path of the physical bound
@@ -67,8 +69,26 @@ class Figure(Settings):
     against: dict[str, Value] = Field(default_factory=dict)  # divided by the same at this other point
     unit: str = ""  # "%": the value is a fraction of 1
     digits: int = 2
-    literal: str = "literal"  # the variant of that column; empty: none
-    default: str = "default"  # the variant of that column; empty: none
+    literal: str = "literal"  # the variant that runs the method of the paper as it stands; empty: none
+    default: str = "default"  # of ours, in a line of its own; that of the paper where `literal` is empty and a value published
+
+    @property
+    def of_paper(self) -> str:
+        """The variant that stands beside the published value; empty: none."""
+        return self.literal or (self.default if self.published is not None else "")
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """Every variant with a line of its own, that of the paper first."""
+        asked = self.asked_of if self.asked is not None else ""
+        return tuple(dict.fromkeys(name for name in (self.of_paper, asked, self.default) if name))
+
+
+class Absent(Settings):
+    """A figure or table of the paper that no scenario reproduces."""
+
+    name: str
+    why: str
 
 
 class Ordering(Settings):
@@ -120,6 +140,8 @@ class Published(Settings):
     variant: tuple[Variant, ...]
     figure: tuple[Figure, ...] = ()
     ordering: tuple[Ordering, ...] = ()
+    unpublished: str = "no value is printed in the paper"  # why figures without a published value have none
+    absent: tuple[Absent, ...] = ()  # what no scenario reproduces, and why
 
     @model_validator(mode="after")
     def _figures_name_existing_variants(self) -> Published:

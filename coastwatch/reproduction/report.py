@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from coastwatch.reproduction import html_report
-from coastwatch.reproduction.figures import Made, Row, Spread, orders, rows
+from coastwatch.reproduction.figures import Line, Made, Spread, orders
+from coastwatch.reproduction.figures import lines as lines_of
 from coastwatch.reproduction.finished_runs import FinishedRuns, code
 from coastwatch.reproduction.json_report import Folder, Reproduction, as_object
 from coastwatch.reproduction.planning import Wanted
@@ -26,7 +27,7 @@ def made(
     found = []
     for name, of in folders.items():
         measured = tuple(Made(wanted, tuple(records(kept, wanted.jobs))) for wanted in plan[name])
-        found.append(Folder(name, of, measured, tuple(rows(of, measured)), tuple(orders(of, measured))))
+        found.append(Folder(name, of, measured, tuple(lines_of(of, measured)), tuple(orders(of, measured))))
     return Reproduction(paper, tuple(found), date_utc(), code(), machine(), command)
 
 
@@ -41,30 +42,36 @@ def written_numbers(kept: FinishedRuns, reproduction: Reproduction) -> Path:
 
 
 def lines(reproduction: Reproduction) -> Iterator[str]:
-    """One line per figure."""
+    """One line per figure and method, then the orderings, what is not compared, and what fails."""
     for folder in reproduction.folders:
         yield folder.of.title
-        yield f"  {'':<44} {'published':>10} {'literal':>20} {'our default':>20} {folder.of.bound_name:>10}"
-        for row in folder.rows:
-            f = row.figure
-            published, bound = (_number(v, row) for v in (math.nan if f.published is None else f.published, row.bound.mean))
-            missed = "  missed" if row.reached is False else ""
-            yield f"  {f.name[:44]:<44} {published:>10} {_spread(row.literal, row):>20} {_spread(row.default, row):>20} {bound:>10}{missed}"
-        for order in folder.orders:
-            o, at = (
-                order.ordering,
-                ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for _, value in order.point),
+        yield f"  {'':<44} {'method':<30} {'published':>10} {'measured':>20} {folder.of.bound_name:>10}"
+        for line in folder.lines:
+            f = line.figure
+            published, bound = (
+                _number(v, line) for v in (math.nan if line.published is None else line.published, line.bound.mean)
             )
+            marks = [line.against_published, {True: "asked: reached", False: "asked: missed", None: ""}[line.reached]]
+            marks += ["laid out by hand"] if f.by_hand else []
+            said = "; ".join(mark for mark in marks if mark)
+            head = f"  {f.name[:44]:<44} {line.variant.title[:30]:<30} {published:>10}"
+            yield f"{head} {_spread(line.measured, line):>20} {bound:>10}  {said}".rstrip()
+        for order in folder.orders:
             apart = f"{order.difference.mean:.3g} +- {order.error:.2g} (standard error)"
-            yield f"  {o.title} {f'at {at}' if at else ''}: {order.verdict}: {apart}"
+            yield f"  {order.ordering.title} {f'at {order.at}' if order.at else ''}: {order.verdict}: {apart}"
+    yield from html_report.in_short(reproduction)
+    for reason, names in html_report.not_compared(reproduction):
+        yield f"Not compared, {reason}: {len(names)} figures"
+    for sentence in reproduction.failures:
+        yield f"Fails: {sentence}"
 
 
-def _spread(spread: Spread, row: Row) -> str:
-    apart = "" if math.isnan(spread.std) else f" +- {_number(spread.std, row)}"
-    return _number(spread.mean, row) + apart
+def _spread(spread: Spread, line: Line) -> str:
+    apart = "" if math.isnan(spread.std) else f" +- {_number(spread.std, line)}"
+    return _number(spread.mean, line) + apart
 
 
-def _number(value: float, row: Row) -> str:
+def _number(value: float, line: Line) -> str:
     if math.isnan(value):
         return ""
-    return f"{value * (100.0 if row.figure.unit == '%' else 1.0):.{row.figure.digits}f}"
+    return f"{value * (100.0 if line.figure.unit == '%' else 1.0):.{line.figure.digits}f}"

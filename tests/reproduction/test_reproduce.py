@@ -16,10 +16,9 @@ from run_world import Start
 
 from coastwatch.operators.cli import main
 from coastwatch.operators.plot import draw_run
-from coastwatch.reproduction import finished_runs, measuring, planning, published, report, running, systems
-from coastwatch.reproduction.figures import Made, Row, Spread, at_path, orders
+from coastwatch.reproduction import figures, finished_runs, measuring, planning, published, report, running, systems
+from coastwatch.reproduction.figures import Line, Made, Spread, at_path, orders
 from coastwatch.reproduction.finished_runs import FinishedRuns
-from coastwatch.reproduction.html_report import better_than_published
 from coastwatch.reproduction.report_plots import roc_curve
 from coastwatch.server.many import over_processes
 
@@ -63,17 +62,18 @@ def test_the_tracks_of_few_targets_are_scored_beside_the_bound(tmp_path: Path) -
     wrong = published.Ordering(path="targets.ospa_m", less="radar", more="sequential")
     claims = (*(o for o in of.ordering if (o.less, o.more) == ("sequential", "radar")), wrong)
     few = {"variant": (of.named("radar"), of.named("sequential")), "sweep": {key: (0.5,)}, "ordering": claims}
-    figures = tuple(f for f in of.figure if f.at == {key: 0.5} and f.default in ("radar", "sequential"))
-    folders = {"hem-figure-2": of.model_copy(update={**few, "figure": figures})}
+    wanted = tuple(f for f in of.figure if f.at == {key: 0.5} and f.default in ("radar", "sequential") and not f.literal)
+    folders = {"hem-figure-2": of.model_copy(update={**few, "figure": wanted})}
     plan, kept = planning.plan(folders, 3, "test", ("cycles=24",)), FinishedRuns(str(tmp_path))
     running.carry_out(kept, planning.unlike(plan), 1, quiet, draw_run)
     made = report.made("hem", folders, plan, kept, "coastwatch reproduce hem")
-    rows = {row.figure.name: row for row in made.folders[0].rows}
-    assert 0.0 < rows["OSPA, A, P_D 0.5"].bound.mean < rows["OSPA, A, P_D 0.5"].default.mean
+    lines = {line.figure.name: line for line in made.folders[0].lines}
+    assert 0.0 < lines["OSPA, A, P_D 0.5"].bound.mean < lines["OSPA, A, P_D 0.5"].measured.mean
     one, other = made.folders[0].orders
     assert one.difference.mean == -other.difference.mean > 0.0
     assert one.verdict in ("holds", "equal within 2 standard errors")
     assert other.verdict != "holds"
+    assert any("radar < sequential" in said for said in made.failures) == (other.verdict == "fails")
     assert sum("sequential < radar" in line for line in report.lines(made)) == 1
     page = report.written_page(kept, made).read_text("utf-8")
     assert page.count("data:image/svg") == 2
@@ -93,7 +93,7 @@ def test_methods_side_by_side_and_two_filters_are_reported(tmp_path: Path) -> No
         assert "data:image/svg+xml;base64," in page
         assert report.written_numbers(kept, made).exists()
         if name == "synchronous":
-            exact = {row.figure.name: row.bound.mean for row in made.folders[0].rows if row.figure.bound}
+            exact = {line.figure.name: line.bound.mean for line in made.folders[0].lines if line.figure.bound}
             assert exact["ANEES, dependent, noise 3, radar 20"] == pytest.approx(4.0, abs=1e-3)
             assert any(">exact<" in part for part in page.split("th"))
         if name == "normal":
@@ -105,8 +105,8 @@ def test_methods_side_by_side_and_two_filters_are_reported(tmp_path: Path) -> No
 def test_complete_systems_are_scored_against_the_true_vessels(tmp_path: Path) -> None:
     of = published.chosen("sagild", ("complete",))["sagild-complete"]
     few = {"variant": (of.named("track_01"), of.named("measurement_01")), "ordering": of.ordering[:1]}
-    figures = tuple(f for f in of.figure if f.default in ("track_01", "measurement_01"))
-    folders = {"sagild-complete": of.model_copy(update={**few, "figure": figures})}
+    wanted = tuple(f for f in of.figure if f.default in ("track_01", "measurement_01"))
+    folders = {"sagild-complete": of.model_copy(update={**few, "figure": wanted})}
     plan, kept = planning.plan(folders, 1, "test", ("cycles=40",)), FinishedRuns(str(tmp_path))
     running.carry_out(kept, planning.unlike(plan), 1, quiet, draw_run)
     made = report.made("sagild", folders, plan, kept, "coastwatch reproduce sagild")
@@ -119,7 +119,7 @@ def test_complete_systems_are_scored_against_the_true_vessels(tmp_path: Path) ->
         assert found["gospa_m"] ** 2 <= parts, "a mean is below the root of the mean square"
         assert 0.0 <= found["late_s"] < 40.0
     assert fused != taken
-    assert all(row.default.values for row in made.folders[0].rows)
+    assert all(line.measured.values for line in made.folders[0].lines)
     page = report.written_page(kept, made).read_text("utf-8")
     assert "rmse: track_01 &lt; measurement_01" in page
     assert "OSPA(2)</th>" in page
@@ -165,16 +165,15 @@ def test_the_other_folders_do_so_too(tmp_path: Path) -> None:
 
 
 def columns_are_filled(said: report.Reproduction) -> None:
-    """Literal, default and bound have values in each row that names them."""
+    """Every method has a value in each line, and a bound where the figure names one."""
     for folder in said.folders:
         first = {key: values[0] for key, values in folder.of.sweep.items()}
-        for row in folder.rows:
-            late = re.match(r"history\.(\d+)", row.figure.path)  # a short run does not last so long
-            if row.figure.at not in ({}, first) or (late and int(late[1]) > 45):
+        for line in folder.lines:
+            late = re.match(r"history\.(\d+)", line.figure.path)  # a short run does not last so long
+            if line.figure.at not in ({}, first) or (late and int(late[1]) > 45):
                 continue
-            wanted = [bool(row.figure.literal), bool(row.figure.default), bool(row.figure.bound)]
-            got = [bool(spread.values) for spread in (row.literal, row.default, row.bound)]
-            assert got == wanted, f"{folder.name}: {row.figure.name}"
+            assert line.measured.values, f"{folder.name}: {line.figure.name}, {line.variant.name}"
+            assert bool(line.bound.values) == bool(line.figure.bound), f"{folder.name}: {line.figure.name}"
 
 
 def test_equal_runs_of_two_tables_are_made_once() -> None:
@@ -199,11 +198,20 @@ def test_timed_runs_come_last_and_as_many_as_the_paper_averages() -> None:
     assert [job.seed for job in plan["rangel-tables-1-2"][0].jobs] == list(range(1000, 1010))
 
 
-def test_the_screen_shows_what_figure_2_shows(tmp_path: Path) -> None:
+def test_the_screen_shows_what_figure_2_shows_and_counts_it_nowhere(tmp_path: Path) -> None:
     said = reproduced(tmp_path, ("rangel-figure-2",), ())
-    assert [row.reached for row in said.folders[0].rows] == [True] * 4
-    assert [row.default.values for row in said.folders[0].rows] == [(1.0,), (1.0,), (1.0,), (2.0,)]
-    assert "data:image/png;base64,iVBOR" in report.written_page(FinishedRuns(str(tmp_path)), said).read_text("utf-8")
+    lines = said.folders[0].lines
+    assert [line.measured.values for line in lines] == [(1.0,), (1.0,), (1.0,), (2.0,)]
+    assert {(line.reached, line.against_published) for line in lines} == {(None, "")}
+    page = report.written_page(FinishedRuns(str(tmp_path)), said).read_text("utf-8")
+    assert "data:image/png;base64,iVBOR" in page
+    assert "Figures of a scene laid out by hand to give them, counted nowhere: 4." in page
+
+
+def test_the_seed_of_the_first_run_can_be_given() -> None:
+    folders = published.chosen("rangel", ("figure-2",))
+    (wanted,) = planning.plan(folders, 3, "test", seed=3001)["rangel-figure-2"]
+    assert [job.seed for job in wanted.jobs] == [3001, 3002, 3003]
 
 
 # ---- what is kept ---------------------------------------------------------------------------------------------------
@@ -295,39 +303,86 @@ def test_the_page_stands_alone(whole: tuple[report.Reproduction, Path]) -> None:
     assert re.findall(r"https?:|<script|<link|@import|url\(", text) == []
     assert set(re.findall(r'src="([^"]{0,10})', text)) == {"data:image"}
     assert text.count("<table") == text.count("</table>") == 1 + 2 * len(said.folders)
+    assert "as good as published" not in text
+    assert "Not compared, and absent" in text
     assert text.count("<img") == sum(len(folder.of.plots) for folder in said.folders)
     for part in (*(folder.of.title for folder in said.folders), "always associate", "MCC", "seeds 1000"):
         assert part in text
     assert "nan" not in re.sub(r'src="[^"]*"', "", text)
 
 
-def test_the_page_names_what_is_worse_than_published() -> None:
-    figure = next(f for f in FOLDERS["rangel-table-6"].figure if f.name == "Weighted Average, course")
-    assert figure.published == 1.09
-    assert [better_than_published(Row(figure, default=Spread((v,)))) for v in (1.0, 1.09, 1.5)] == [True, True, False]
-    assert better_than_published(Row(figure)) is None
+def test_a_published_value_stands_in_the_line_of_the_papers_own_method_alone() -> None:
+    for name, of in {n: x for folders in published.papers().values() for n, x in folders.items()}.items():
+        for line in (line for line in figures.lines(of, ()) if line.published is not None):
+            ours = line.variant.name == "default" and of.paper == "rangel"
+            assert not ours or line.figure.by_hand, f"{name}: {line.figure.name}"
+
+
+def test_every_value_that_is_not_compared_has_a_reason_and_every_missed_target_is_asked() -> None:
+    courses = [f for n in (6, 8) for f in FOLDERS[f"rangel-table-{n}"].figure if f.name.endswith("Weighted Average, course")]
+    assert [f.asked for f in courses] == [f.published for f in courses] == [1.09, 1.09, 1.08, 1.09]
+    cells = [f for n in ("synchronous", "asynchronous") for f in published.chosen("sagild", (n,))[f"sagild-{n}"].figure]
+    assert sum(f.equal and f.published is not None and not f.why_not for f in cells) == 108
+
+
+@pytest.mark.parametrize(
+    ("values", "verdict"),
+    [((1.0,), "better"), ((1.5,), "worse"), ((1.05, 1.15), "equal within 2 standard errors"), ((1.4, 1.5), "worse"), ((), "")],
+)
+def test_a_method_is_compared_with_the_published_value_of_its_own(values: tuple[float, ...], verdict: str) -> None:
+    of = FOLDERS["rangel-table-6"]
+    figure = next(f for f in of.figure if f.name == "Weighted Average, course")
+    assert Line(figure, of.named("literal weighted average"), Spread(values)).against_published == verdict
+    assert Line(figure, of.named("default"), Spread(values)).against_published == ""
+    even = figure.model_copy(update={"equal": True})
+    other = {"better": "not decided: one run", "worse": "differs"}.get(verdict, verdict)
+    other = "not decided: one run" if len(values) == 1 else other
+    assert Line(even, of.named("literal weighted average"), Spread(values), runs_published=30).against_published == other
     counted = next(f for f in FOLDERS["rangel-tables-3-4"].figure if f.name == "TP")
-    assert better_than_published(Row(counted, default=Spread((1.0,)))) is None
+    literal = FOLDERS["rangel-tables-3-4"].named("literal")
+    assert "scene differs" in Line(counted, literal, Spread((1.0,))).not_compared
+
+
+def test_a_missed_target_gives_the_exit_code_4_and_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    def measured(job: planning.Job, draw: measuring.Draw) -> dict[str, Any]:
+        f1 = 0.5 if job.seed == 3001 else 0.4
+        return {
+            "seed": job.seed,
+            "scores": {"bearing_associations": {"f1": f1}},
+            "timings_s": {},
+            "history": {},
+            "elapsed_s": 1.0,
+        }
+
+    monkeypatch.setattr(running, "measure", measured)
+    line = ["reproduce", "rangel", "--only", "tables-3-4", "--runs", "1", "--seed", "3001", "--output", str(tmp_path)]
+    assert main(line) == 4
+    said = capsys.readouterr().out
+    assert "Targets of the project: 0 of 1 reached, 1 missed." in said
+    assert "Fails: rangel-tables-3-4: F1, our default: 50.00 < 99.00 %" in said
 
 
 def test_the_json_has_every_figure_and_every_run(whole: tuple[report.Reproduction, Path]) -> None:
     said, folder = whole
     made = json.loads(report.written_numbers(FinishedRuns(str(folder)), said).read_text("utf-8"))
     assert set(made) == {"schema", "paper", "command", "date_utc", "code", "machine", "scenarios"}
-    assert made["schema"] == 1
+    assert made["schema"] == 2
     assert {"processor", "processors", "system", "python", "load"} == set(made["machine"])
     for name, scenario in made["scenarios"].items():
-        assert set(scenario) == {"title", "figures", "orderings", "variants"}
-        assert [f["name"] for f in scenario["figures"]] == [f.name for f in FOLDERS[name].figure]
+        assert set(scenario) == {"title", "figures", "orderings", "absent", "variants"}
+        assert [f["name"] for f in scenario["figures"]] == [f.name for f in FOLDERS[name].figure for _ in f.variants]
         for variant in scenario["variants"]:
             assert set(variant) == {"name", "title", "settings", "at", "scenario", "runs"}
             assert [run["seed"] for run in variant["runs"]] == [1000]
             assert {"scores", "timings_s", "history", "elapsed_s"} <= set(variant["runs"][0])
     first = made["scenarios"]["rangel-tables-3-4"]
-    (f1,) = (f for f in first["figures"] if f["name"] == "F1")
+    literal, f1 = (f for f in first["figures"] if f["name"] == "F1")
+    assert (literal["published"], literal["asked"]) == (0.9226, None)
     runs = next(v for v in first["variants"] if v["name"] == "default")["runs"]
-    assert f1["default"]["values"] == [run["scores"]["bearing_associations"]["f1"] for run in runs] == [f1["default"]["mean"]]
-    assert (f1["published"], f1["asked"], f1["unit"]) == (0.9226, 0.99, "fraction of 1")
+    assert f1["measured"]["values"] == [run["scores"]["bearing_associations"]["f1"] for run in runs] == [f1["measured"]["mean"]]
+    assert (f1["published"], f1["asked"], f1["unit"]) == (None, 0.99, "fraction of 1")
 
 
 def test_decisions_swaps_and_the_baseline_fit_together(whole: tuple[report.Reproduction, Path]) -> None:

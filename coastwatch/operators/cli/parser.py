@@ -43,7 +43,8 @@ from coastwatch.spelling import did_you_mean
 
 MOVES = "without latitude and longitude (name,,,range_nm,rpm) it moves, and each plot has site_latitude and site_longitude"
 EPILOG = """\
-exit codes: 0 done, 1 failed, 2 bad input, 4 a figure fell, 130 interrupted with Ctrl-C, 141 the reader of the output closed it.
+exit codes: 0 done, 1 failed, 2 bad input, 4 a figure fell or a target was missed, 130 interrupted with Ctrl-C, 141\
+ the reader of the output closed it.
 COASTWATCH_TRACEBACK=1 in the environment prints the traceback of an error.
 All commands, settings and questions: coastwatch/operators/REFERENCE.md"""
 
@@ -260,12 +261,15 @@ def token_add(parser: argparse.ArgumentParser) -> None:
 @_command("reproduce", "reproduce:reproduce", "reproduce the published figures of a paper")
 def reproduce(parser: argparse.ArgumentParser) -> None:
     """Reproduce every published figure of a paper: run its methods as published and ours over seeds 1000, 1001, ..., then write
-    an HTML report and a JSON file. Finished runs stay in the output folder: the same command continues after an interruption
+    an HTML report and a JSON file. Exit code 4 if a target is missed or an ordering of the paper fails; the last lines say which.
+    Finished runs stay in the output folder: the same command continues after an interruption
     and runs only what is missing.
     """
     parser.add_argument("paper", metavar="PAPER", help="the paper: hem, rangel or sagild")
     text = "runs of each variant (default: as many as the paper averages)"
     parser.add_argument("--runs", metavar="N", type=count, help=text)
+    text = "seed of the first run of each variant; the others follow (default: 1000)"
+    parser.add_argument("--seed", metavar="N", type=seed, default=1000, help=text)
     parser.add_argument("--workers", metavar="N", type=workers, default=1, help="processes that share the runs (default: 1)")
     text = "folder of the report and the finished runs (default: reproduction-PAPER)"
     parser.add_argument("--output", metavar="DIR", help=text)

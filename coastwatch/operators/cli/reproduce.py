@@ -9,12 +9,13 @@ from coastwatch.operators.cli import progress
 from coastwatch.operators.plot import draw_run
 from coastwatch.reproduction import finished_runs, planning, published, report, running
 
-INTERRUPTED = 130
+INTERRUPTED, FAILED = 130, 4  # exit codes, as in the help of `coastwatch`
 
 
 def reproduce(options: argparse.Namespace) -> int:
+    """Runs what is missing and reports. Returns: 4 if a target is missed or an ordering fails."""
     folders = published.chosen(options.paper, tuple(options.only))
-    plan = planning.plan(folders, options.runs, finished_runs.code())
+    plan = planning.plan(folders, options.runs, finished_runs.code(), seed=options.seed)
     kept = finished_runs.FinishedRuns(options.output or f"reproduction-{options.paper}")
     jobs = planning.unlike(plan)
     todo = running.missing(kept, jobs)
@@ -31,10 +32,11 @@ def reproduce(options: argparse.Namespace) -> int:
         print(f"coastwatch: interrupted with {left} of {len(jobs)} runs to do; the same command continues", file=sys.stderr)
         return INTERRUPTED
     chosen = [f" --runs {options.runs}"] if options.runs else []
+    chosen += [f" --seed {options.seed}"] if options.seed != planning.FIRST_SEED else []
     chosen += [f" --only {' '.join(options.only)}"] if options.only else []
     figures = report.made(options.paper, folders, plan, kept, f"coastwatch reproduce {options.paper}{''.join(chosen)}")
     for line in report.lines(figures):
         print(line)
     print(report.written_page(kept, figures))
     print(report.written_numbers(kept, figures))
-    return 0
+    return FAILED if figures.failures else 0
