@@ -109,14 +109,15 @@ def in_short(reproduction: Reproduction) -> list[str]:
     every = [line for folder in reproduction.folders for line in folder.lines]
     asked = [line.reached for line in every if line.reached is not None]
     beside = Counter(line.against_published for line in every if line.against_published)
-    kinds = Counter(order.verdict for folder in reproduction.folders for order in folder.orders)
+    claims = [order for folder in reproduction.folders for order in folder.orders]
+    kinds = Counter(order.verdict for order in claims if not order.ordering.ours)
     laid = sum(line.figure.by_hand for line in every)
     said = [f"Targets of the project: {sum(asked)} of {len(asked)} reached, {len(asked) - sum(asked)} missed."] if asked else []
     if beside:
         each = ", ".join(f"{count} {word}" for word, count in sorted(beside.items()))
         said.append(f"Published values beside the paper's own methods, run here: {each}.")
     if kinds:
-        said.append(f"Orderings: {', '.join(f'{count} {word}' for word, count in sorted(kinds.items()))}.")
+        said.append(f"Orderings of the paper: {', '.join(f'{count} {word}' for word, count in sorted(kinds.items()))}.")
     if laid:
         said.append(f"Figures of a scene laid out by hand to give them, counted nowhere: {laid}.")
     return said

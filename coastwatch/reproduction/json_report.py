@@ -105,6 +105,7 @@ def _order(order: Order) -> dict[str, object]:
         "less": o.less,
         "more": o.more,
         "at": dict(order.point),
+        "ours": o.ours,
         "verdict": order.verdict,
         "difference": _spread(order.difference),
     }

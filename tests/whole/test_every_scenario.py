@@ -32,6 +32,7 @@ SHORTENED: dict[str, dict[str, str]] = {
     "guanabara": {"input.count": "60"},
     "misregistered-radars": FEW,
     "rangel-figure-3": FEW,
+    "rangel-literal-noise": FEW,
     "rangel-table-5": FEW,
     "rangel-table-6": FEW,
     "rangel-table-7": FEW,
