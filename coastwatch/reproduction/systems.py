@@ -78,11 +78,10 @@ def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | 
         place_m, true_m = (to_plane(p, sensors.region_origin_deg[0]) for p in (estimate.position_deg, truth.position_deg))
         gospas.append(gospa(place_m, true_m, asked.gospa_cutoff_m, asked.order))
         window.append({"estimate": (name, place_m), "truth": (truth.vessel, true_m)})
-        over = {
-            n: tuple(_over(list(window)[-n:], key) for key in ("estimate", "truth")) for n in {n for n, _, _ in points.values()}
-        }
+        lengths = {n for n, _, _ in points.values()}
+        over = {n: [_over(list(window)[-n:], key) for key in ("estimate", "truth")] for n in lengths}
         for point, (n, cutoff_m, order) in points.items():
-            ospas[point].append(ospa2(*over[n], cutoff_m, order))
+            ospas[point].append(ospa2(over[n][0], over[n][1], cutoff_m, order))
         row, at = matches(place_m, true_m, asked.near_m)
         born = dict.fromkeys(truth.vessel.tolist(), now_s) | born
         begun = dict.fromkeys(truth.vessel[at].tolist(), now_s) | begun
