@@ -174,7 +174,8 @@ def run_centre(
     with timer("picture"):
         shown = PictureInput(tracks, associations, fused, alarms, time_s, sensors, by_bearings, detection, hearing)
         picture_memory, (picture, members) = s.picture.step(m.picture, shown)
-        good = limits.are_sound(picture.position_deg, picture.covariance)
+        sound = limits.are_sound(picture.position_deg, picture.covariance)
+        good = sound & picture_memory.confirmed
         if not good.all():
             members = members.take(~np.isin(members.vessel_id, picture.vessel_id[~good]))
             picture = picture.take(good)
@@ -233,6 +234,6 @@ def run_centre(
         RadarCorrections.none(len(sensors.radars)),
         vessel_alarms=vessel_alarms,
         events=events,
-        unsound=int((~good).sum()),
+        unsound=int((~sound).sum()),
         left_out=left_out,
     )

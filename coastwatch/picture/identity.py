@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coastwatch.batches import Picture
+from coastwatch.batches import Bools, Picture
 from coastwatch.kernels.tables.row_numbers import require_rows
+from coastwatch.picture.confirmed import Confirmations, confirm
 from coastwatch.picture.flags import FlagMemory, ais_flags, flag, nav_statuses
 from coastwatch.picture.former_names import AisNow, AisPast, name_flags, next_past, outdated
 from coastwatch.picture.inputs import PictureInput, PictureOutput
@@ -26,6 +27,8 @@ class PictureMemory:
     next_id: int
     flags: FlagMemory
     ais_past: AisPast
+    confirmations: Confirmations
+    confirmed: Bools  # (R,) of the newest picture: the vessels that are shown
 
     def check_rows(self) -> None:
         """Check the row numbers, as after reading a checkpoint: kernels do not. Raises: ValueError that names the field."""
@@ -48,7 +51,8 @@ class Identity(IdentitySettings):
     """
 
     def init(self) -> PictureMemory:
-        return PictureMemory(Known.none(), KnownTracks.none(), 1, FlagMemory.none(), AisPast.none())
+        first = Known.none(), KnownTracks.none(), 1, FlagMemory.none(), AisPast.none()
+        return PictureMemory(*first, Confirmations.none(), np.zeros(0, np.bool_))
 
     def step(self, memory: PictureMemory, given: PictureInput) -> tuple[PictureMemory, PictureOutput]:
         """The picture of this cycle, and the tracks in it."""
@@ -70,7 +74,11 @@ class Identity(IdentitySettings):
         existence = existence_of(tracks, track_memory.vessel, len(picture))
         picture = replace(picture, flags=flags, nav_status=status, existence=existence)
         next_id = memory.next_id + int((match.vessel_of_group < 0).sum())
-        after = PictureMemory(replace(known, shown=picture), track_memory, next_id, flag_memory, past)
+        confirmations, confirmed = confirm(
+            self, memory.confirmations, tracks, track_memory.vessel, len(picture), time_s, given.sensors
+        )
+        shown = replace(known, shown=picture)
+        after = PictureMemory(shown, track_memory, next_id, flag_memory, past, confirmations, confirmed)
         return after, PictureOutput(picture, members)
 
 

@@ -29,3 +29,7 @@ class IdentitySettings(Method):
     stationary_after_s: NotNegative = 120.0  # how long it must have stayed there
     under_way_kn: Positive = 1.0  # and so long that a vessel of this speed would have left
     cover_margin: PositiveShare = 0.95  # share of a sensor's range that counts as covered
+    confirmed_share: Share = (
+        0.8  # of its time that others confirm a track of a radar inside the range of another region's; 0: not asked
+    )
+    confirm_s: Positive = 10.0  # time that the share of its region is worth
