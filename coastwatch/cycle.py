@@ -16,6 +16,7 @@ from coastwatch.batches import (
     AisAlarms,
     AisDetection,
     BearingTracks,
+    ExpectedVessels,
     Fault,
     Measurements,
     Plots,
@@ -34,6 +35,7 @@ from coastwatch.registration import RegistrationInput, RegistrationMemory
 from coastwatch.scenario import Scenario
 from coastwatch.stage import Map, RegionMap, Running, serial_regions
 from coastwatch.tracks import AisInput, AisMemory, BearingInput, BearingMemory, ReceivedInput, ReceivedMemory
+from coastwatch.tracks.bearing_vessels import expected_vessels
 
 LEFT_OUT = {
     "associations": "pairs of tracks not compared: each track of a crowd is compared with the nearest alone",
@@ -62,6 +64,9 @@ class Memory:
     ais_detection: AisDetection  # by the cover of the radars, for the next cycle
     silence: SilenceMemory  # which sensors were heard, and how often
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # for the next cycle
+    expected: ExpectedVessels = field(
+        default_factory=ExpectedVessels.none
+    )  # by sensors without contact numbers, in the next cycle
     beyond: dict[str, int] = field(default_factory=dict)  # reports, tracks and vessels that were dropped as none, by kind
     left_out: dict[str, int] = field(default_factory=dict)  # as of Cycle, of all cycles
     unknown_radar: int = 0  # reports of a radar that the scenario does not have
@@ -135,8 +140,9 @@ def run_cycle(
         given, unknown = reports_of_regions(reports.radar, messages, m.corrections, time_s, sensors)
         found = regions(step_of_regions(s), m.regions, given)
         regional_memory, regional = tuple(after for after, _ in found), [cycle for _, cycle in found]
+    heard_bearings = BearingInput(reports.bearing, time_s, sensors, m.expected)
     with timer("bearing_tracks"):
-        bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, BearingInput(reports.bearing, time_s, sensors))
+        bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, heard_bearings)
     with timer("received_tracks"):
         states = ReceivedInput(reports.tracks, time_s, sensors, ais_tracks)
         received_memory, received_tracks = s.received_tracks.step(m.received_tracks, states)
@@ -150,6 +156,8 @@ def run_cycle(
         silence_memory, hearing = s.silence.step(m.silence, SilenceInput(reports, ais_tracks, time_s, sensors))
     received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, m.ais_detection, m.radar_cover, hearing)
     centre_memory, cycle = run_centre(s, sensors, m.centre, received, time_s, map_, timer, zones)
+    with timer("bearing_tracks"):
+        expected = expected_vessels(*bearing_memory.unnumbered(), cycle.picture, cycle.bearing_associations, sensors)
     beyond = _summed(m.beyond, beyond, unsound, {"vessel of the picture": cycle.unsound})
     left_out = _summed(cycle.left_out, {"bearing_tracks": bearing_memory.left_out - m.bearing_tracks.left_out})
     with timer("registration"):
@@ -201,6 +209,7 @@ def run_cycle(
         ais_detection=ais_detection,
         silence=silence_memory,
         radar_cover=radar_cover,
+        expected=expected,
         beyond=beyond,
         left_out=_summed(m.left_out, left_out),
         unknown_radar=m.unknown_radar + unknown,

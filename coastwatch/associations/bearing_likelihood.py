@@ -191,7 +191,8 @@ class BearingLikelihood(Method):
         limits = float(np.radians(self.bias_floor_deg)), float(np.radians(self.bias_sigma_deg))
         bias = memory.bias.updated(sensor[chosen], difference[chosen], self.bias_gain, self.bias_pairs, limits)
         memory = replace(memory, bias=bias, outside=memory.outside.updated(audible, pair[chosen]))
-        probability = pair_probability(bearing_row, pair, log_odds)[chosen]
+        certainty = bearing_tracks.certainty[bearing_row[chosen]]
+        probability = pair_probability(bearing_row, pair, log_odds)[chosen] * np.where(np.isnan(certainty), 1.0, certainty)
         return memory, BearingAssociations(
             bearing_row[chosen],
             octants.vessel_row[row[chosen]],

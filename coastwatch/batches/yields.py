@@ -142,6 +142,9 @@ class BearingTracks(Batch):
     measured_rad: Floats = optional_column("N")  # their mean
     measured_variance: Floats = optional_column("N")  # of the mean, rad2
     measured_site_deg: Floats = optional_column("N", 2)  # mean place of the sensor
+    certainty: Floats = optional_column(
+        "N"
+    )  # least probability that a bearing of this cycle is of the track; NaN: not estimated
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,6 +275,25 @@ class HeldVessels(Batch):
     velocity_m_s: Floats = column(np.float64, "H", 2)
     covariance: Floats = column(np.float64, "H", 4, 4)
     updated_s: Floats = column(np.float64, "H")  # newest bearing
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedVessels(Struct):
+    """Vessels of the last picture that sensors of bearings may hear, sorted by vessel_id, and the biases of these sensors."""
+
+    vessel_id: Ints = column(np.int64, "V")
+    time_s: Floats = column(np.float64, "V")
+    position_deg: Floats = column(np.float64, "V", 2)
+    velocity_m_s: Floats = column(np.float64, "V", 2)
+    variance_m2: Floats = column(np.float64, "V")  # of the position, per axis; NaN: not known
+    bias_rad: Floats = column(np.float64, "K")  # of each sensor of bearings
+    bias_sigma_rad: Floats = column(np.float64, "K")  # 0 where the method does not know it
+
+    @staticmethod
+    def none() -> ExpectedVessels:
+        """No vessel, and no sensor."""
+        none, pairs = np.zeros(0), np.zeros((0, 2))
+        return ExpectedVessels(np.zeros(0, np.int64), none, pairs, pairs, none, none, none)
 
 
 class RegistrationState(IntEnum):

@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import CLASSES, ID_STRIDE, Array, BearingReports, BearingTracks, Bools, Floats, Ints, Sensors
+from coastwatch.batches import (
+    CLASSES,
+    ID_STRIDE,
+    Array,
+    BearingReports,
+    BearingTracks,
+    Bools,
+    ExpectedVessels,
+    Floats,
+    Ints,
+    Sensors,
+)
 from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.kernels.tables.row_numbers import require_rows
-from coastwatch.stage import Count, Method, Positive
+from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
+from coastwatch.tracks.bearing_vessels import Predicted, chosen_pairs, in_crowd, predicted_bearings
 from coastwatch.tracks.inputs import BearingInput
 
 LINE_COLUMNS = ("sensor", "time_s", "bearing_rad", "weight")  # the data of a line fit
@@ -40,7 +52,7 @@ class BearingMemory:
 
     track_id: Ints  # (N,)
     sensor: Ints  # (N,)
-    contact: Ints  # (N,) -1: the sensor gives none and the track is our own
+    contact: Ints  # (N,) -1: the sensor gives none and the track is our own; -2 - vessel_id: the vessel predicts it
     updated_s: Floats  # (N,)
     started_s: Floats  # (N,)
     begin_s: Floats  # (N,) first report of the newest slot
@@ -62,6 +74,13 @@ class BearingMemory:
         """Check the numbers of sensors, as after reading a checkpoint. Raises: ValueError that names the field."""
         require_rows("BearingMemory.sensor", self.sensor, len(self.counter))
 
+    def unnumbered(self) -> tuple[Ints, Floats]:
+        """The sensors that have tracks without contact numbers, and where each was last. (S,), (S, 2)"""
+        rows = np.flatnonzero(self.contact < 0)
+        newest_first = rows[np.argsort(-self.updated_s[rows], kind="stable")]
+        sensor, first = np.unique(self.sensor[newest_first], return_index=True)
+        return sensor, self.site_deg[newest_first[first], -1]
+
     @staticmethod
     def empty(window: int) -> BearingMemory:
         n, x, slots = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, window))
@@ -71,7 +90,17 @@ class BearingMemory:
 
 ROWS = tuple(f.name for f in fields(BearingMemory) if f.name not in ("counter", "dropped", "left_out"))
 MEASURED = ("measured_weight", "measured_s", "measured_rad", "measured_site_deg")  # means over the bearings of this cycle
-EMPTY = {"time_s": np.nan, "bearing_rad": np.nan, "weight": 0.0, "precision": np.nan, "site_deg": np.nan, "begin_s": np.nan}
+CYCLE = (*MEASURED, "certainty")
+OWN, OF_VESSEL = -1, -2  # contact of our own tracks; that of a track of vessel v is OF_VESSEL - v
+EMPTY = {
+    "time_s": np.nan,
+    "bearing_rad": np.nan,
+    "weight": 0.0,
+    "precision": np.nan,
+    "site_deg": np.nan,
+    "begin_s": np.nan,
+    "certainty": np.nan,
+}
 
 
 class Windows:
@@ -82,6 +111,7 @@ class Windows:
         self.column: dict[str, Array] = {name: getattr(memory, name).copy() for name in ROWS}
         n = len(memory.track_id)
         self.column |= {name: np.zeros((n, 2) if name == "measured_site_deg" else n) for name in MEASURED}
+        self.column["certainty"] = np.full(n, np.nan)
         self.counter = memory.counter.copy() if len(memory.counter) == len(first_id) else np.zeros(len(first_id), np.int64)
         self.spacing_s, self.first_id, self.sigma_rad = spacing_s, first_id, sigma_rad
 
@@ -173,7 +203,7 @@ class Windows:
         columns = {
             "track_id": self.first_id[reports.sensor] + self.counter[reports.sensor] + number,
             "sensor": reports.sensor,
-            "contact": np.maximum(reports.contact, -1),
+            "contact": reports.contact,
             "updated_s": np.full(n, -np.inf),
             "started_s": reports.time_s,
         }
@@ -203,9 +233,9 @@ class Windows:
         return BearingMemory(**columns, counter=self.counter, dropped=dropped, left_out=left_out)
 
     def measured(self) -> dict[str, Array]:
-        """Mean of the bearings of this cycle and its weight, 0 where there was none; sorted by track_id."""
+        """Mean of the bearings of this cycle, its weight, 0 where there was none, and its certainty; sorted by track_id."""
         order = np.argsort(self.column["track_id"], kind="stable")
-        return {name: self.column[name][order] for name in MEASURED}
+        return {name: self.column[name][order] for name in CYCLE}
 
 
 def _between_deg(first: Floats, second: Floats, share: Floats) -> Floats:
@@ -253,6 +283,8 @@ class BearingWindow(Method):
     start_looks: Count = 5
     end_misses: Count = 10
     ahead_s: Positive = 5.0  # a report stamped more than this after the cycle is dropped
+    crowd: NotNegative = 0.25  # expected vessels in a gate, on average, from which these predict the bearings
+    detection_probability: Probability = 0.95  # that a sensor hears a vessel of the picture in its coverage, in a look
 
     def init(self) -> BearingMemory:
         return BearingMemory.empty(self.length)
@@ -263,7 +295,7 @@ class BearingWindow(Method):
         Returns: memory, with the dropped reports counted, and BearingTracks, sorted by track_id, W = `length`.
         Raises: ValueError for a contact number of 2^40 or more, or a sensor that the scenario has not.
         """
-        reports, time_s, sensors = given
+        reports, time_s, sensors, expected = given
         if len(reports) and not 0 <= reports.sensor.min() <= reports.sensor.max() < len(sensors.sonars):
             raise ValueError(f"BearingReports.sensor: got {reports.sensor.max()}, needed 0 to {len(sensors.sonars) - 1}")
         if len(reports) and reports.contact.max() >= CONTACTS:
@@ -282,21 +314,82 @@ class BearingWindow(Method):
         numbered, own = reports.take(reports.contact >= 0), reports.take(reports.contact < 0)
         for rows in _rounds(numbered.sensor * CONTACTS + numbered.contact, np.arange(len(numbered))):
             windows.update_contacts(numbered.take(rows), self.drop_after_s)
+        own = replace(own, contact=np.full(len(own), OWN))
         for rows in _rounds(own.sensor, own.time_s):  # a look is the reports of one sensor at one time
-            self._look(windows, own.take(rows), sensors.sonars.bearing_sigma_rad)
+            self._look(windows, own.take(rows), expected, sensors)
         windows.keep(time_s - windows.column["updated_s"] <= self.drop_after_s)
         after = windows.memory(dropped, left_out)
         return after, self._tracks(after, windows.measured(), time_s, sensors)
 
-    def _look(self, windows: Windows, reports: BearingReports, sigma_rad: Floats) -> None:
+    def _look(self, windows: Windows, reports: BearingReports, expected: ExpectedVessels, sensors: Sensors) -> None:
         """One look of each of some sensors that do not number contacts: assign, begin and end tracks."""
-
-        c = windows.column
+        c, sigma_rad = windows.column, sensors.sonars.bearing_sigma_rad
         reports = reports.take(np.argsort(reports.sensor, kind="stable"))
         start = np.searchsorted(reports.sensor, c["sensor"])
         count = np.searchsorted(reports.sensor, c["sensor"], side="right") - start
-        seen = np.flatnonzero((c["contact"] < 0) & (count > 0))
-        bearing, _, covariance = self._line({k: c[k][seen] for k in LINE_COLUMNS}, reports.time_s[start[seen]], sigma_rad)
+        looked = np.flatnonzero((c["contact"] < 0) & (count > 0))
+        time_s = reports.time_s[start[looked]]
+        hit, begun, rest = self._of_vessels(windows, reports, expected, sensors)
+        seen = np.flatnonzero(c["contact"][looked] == OWN)
+        pair, report = self._of_own_tracks(windows, looked[seen], time_s[seen], rest, sigma_rad)
+        windows.update(pair, rest.take(report))
+        windows.count_look(looked, np.append(hit, pair))
+        ended = (c["misses"] >= self.end_misses) | ((c["looks"] >= self.start_looks) & (c["hits"] < self.start_hits))
+        windows.keep((c["contact"] >= 0) | ~ended)
+        unused = np.ones(len(rest), np.bool_)
+        unused[report] = False
+        before = len(windows.column["looks"])
+        windows.initialise(BearingReports.join([begun, rest.take(unused)]))
+        windows.column["looks"][before:] = 1
+
+    def _of_vessels(
+        self, windows: Windows, reports: BearingReports, expected: ExpectedVessels, sensors: Sensors
+    ) -> tuple[Ints, BearingReports, BearingReports]:
+        """Enter the bearings of expected vessels into their tracks, where a sensor hears a crowd of these.
+
+        A track whose vessel is not expected any more, or whose sensor hears no crowd, goes on as our own.
+        Returns: rows that were hit; reports that begin tracks of vessels; reports that are of no expected vessel.
+        """
+        c = windows.column
+        predicted = Predicted.none()
+        if len(expected.vessel_id):
+            predicted = in_crowd(predicted_bearings(expected, reports, sensors), self.gate_sigmas, self.crowd, sensors)
+        of_vessel = np.flatnonzero((c["contact"] <= OF_VESSEL) & np.isin(c["sensor"], reports.sensor))
+        lost = ~np.isin(c["sensor"][of_vessel], predicted.sensor)
+        lost |= ~np.isin(OF_VESSEL - c["contact"][of_vessel], expected.vessel_id)
+        c["contact"][of_vessel[lost]] = OWN
+        if not len(predicted.sensor):
+            return of_vessel[:0], reports.take(of_vessel[:0]), reports
+        noise = sensors.sonars.bearing_sigma_rad[reports.sensor] ** 2 / relative_weight(
+            reports, sensors.sonars.bearing_sigma_rad
+        )
+        widest = np.zeros(len(sensors.sonars))
+        np.maximum.at(widest, reports.sensor, noise)
+        half = self.gate_sigmas * np.sqrt(predicted.variance + widest[predicted.sensor])
+        near = _near_in_bearing(predicted.bearing_rad, half, predicted.sensor, reports)
+        vessel, report, certainty = chosen_pairs(
+            predicted, reports, near, noise, self.gate_sigmas, self.detection_probability, sensors
+        )
+        rest = np.ones(len(reports), np.bool_)
+        rest[report] = False
+        found = replace(reports.take(report), contact=OF_VESSEL - predicted.vessel_id[vessel])
+        rows, count = np.flatnonzero(c["contact"] <= OF_VESSEL), len(sensors.sonars)
+        row = np.append(rows, -1)[row_of(c["contact"][rows] * count + c["sensor"][rows], found.contact * count + found.sensor)]
+        known = row >= 0
+        hit = row[known]
+        windows.update(hit, found.take(known))
+        c["certainty"][hit] = np.fmin(c["certainty"][hit], certainty[known])
+        return hit, found.take(~known), reports.take(rest)
+
+    def _of_own_tracks(
+        self, windows: Windows, seen: Ints, time_s: Floats, reports: BearingReports, sigma_rad: Floats
+    ) -> tuple[Ints, Ints]:
+        """The best one-to-one pairs of our own tracks and bearings of a look: rows of tracks (B,) and of reports (B,).
+
+        Args: seen: (T,) rows of tracks whose sensor had the look; time_s: (T,) of it; reports: (M,) sorted by sensor.
+        """
+        c = windows.column
+        bearing, _, covariance = self._line({k: c[k][seen] for k in LINE_COLUMNS}, time_s, sigma_rad)
         weight = relative_weight(reports, sigma_rad)
         widest = np.zeros(len(sigma_rad))
         np.maximum.at(widest, reports.sensor, sigma_rad[reports.sensor] ** 2 / weight)
@@ -311,16 +404,7 @@ class BearingWindow(Method):
         chosen = np.asarray(
             kernels.association.assignment.assign(pair.astype(np.int64), report.astype(np.int64), gain), np.bool_
         )
-        hit = seen[pair[chosen]]
-        windows.update(hit, reports.take(report[chosen]))
-        windows.count_look(seen, hit)
-        ended = (c["misses"] >= self.end_misses) | ((c["looks"] >= self.start_looks) & (c["hits"] < self.start_hits))
-        windows.keep((c["contact"] >= 0) | ~ended)
-        unused = np.ones(len(reports), np.bool_)
-        unused[report[chosen]] = False
-        before = len(windows.column["looks"])
-        windows.initialise(reports.take(unused))
-        windows.column["looks"][before:] = 1
+        return seen[pair[chosen]], report[chosen]
 
     def _line(self, window: Mapping[str, Array], time_s: Array, sigma_rad: Floats) -> tuple[Floats, Floats, Floats]:
         """Bearing (N,), rate (N,) and covariance (N, 2, 2) at these times by least squares through the newest slots."""
@@ -348,7 +432,7 @@ class BearingWindow(Method):
         bearing, rate, covariance = self._line(window, np.full(len(out), time_s), sensors.sonars.bearing_sigma_rad)
         old = ~(window["time_s"] >= time_s - self.window_s)
         site, sigma = memory.site_deg[out], sensors.sonars.bearing_sigma_rad[memory.sensor[out]]
-        weight, measured_s, measured_rad, measured_site_deg = (measured[name][out] for name in MEASURED)
+        weight, measured_s, measured_rad, measured_site_deg, certainty = (measured[name][out] for name in CYCLE)
         none = weight == 0.0
         variance = sigma**2 / np.where(none, 1.0, weight)
         return BearingTracks(
@@ -371,6 +455,7 @@ class BearingWindow(Method):
             measured_rad=np.where(none, np.nan, measured_rad),
             measured_variance=np.where(none, np.nan, variance),
             measured_site_deg=np.where(none[:, None], np.nan, measured_site_deg),
+            certainty=certainty,
         )
 
 

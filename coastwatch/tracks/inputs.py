@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from coastwatch.batches import AisAlarms, AisReports, BearingReports, Measurements, Sensors, TrackReports, Tracks
+from coastwatch.batches import (
+    AisAlarms,
+    AisReports,
+    BearingReports,
+    ExpectedVessels,
+    Measurements,
+    Sensors,
+    TrackReports,
+    Tracks,
+)
 
 
 class AisInput(NamedTuple):
@@ -23,12 +32,16 @@ class AisOutput(NamedTuple):
     measurements: Measurements  # the reports that went into these tracks
 
 
+NOT_EXPECTED = ExpectedVessels.none()
+
+
 class BearingInput(NamedTuple):
     """The bearings of a cycle."""
 
     reports: BearingReports  # since the last cycle, in any order
     time_s: float
     sensors: Sensors
+    expected: ExpectedVessels = NOT_EXPECTED  # that sensors without contact numbers may hear
 
 
 class ReceivedInput(NamedTuple):
