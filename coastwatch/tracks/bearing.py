@@ -266,6 +266,8 @@ class BearingWindow(Method):
     Own tracks: at each look of the sensor, bearings are assigned one to one to the tracks whose prediction is within
     `gate_sigmas`; what is left begins new tracks. A track is yielded once `start_hits` of its first `start_looks` looks had a
     bearing, and ends after `end_misses` looks without. Every track ends when it is silent for longer than `drop_after_s`.
+    Where a gate holds `crowd` vessels of the picture on average, these predict the bearings, one track for each, and only what is
+    left goes to own tracks.
     A look is the bearings of one time. Of very many bearings in a cycle an even choice is used, of own tracks by whole looks, and the
     others are counted. A cycle with a longer time takes more, within bounds.
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
@@ -283,7 +285,7 @@ class BearingWindow(Method):
     start_looks: Count = 5
     end_misses: Count = 10
     ahead_s: Positive = 5.0  # a report stamped more than this after the cycle is dropped
-    crowd: NotNegative = 0.25  # expected vessels in a gate, on average, from which these predict the bearings
+    crowd: NotNegative = 0.25  # vessels of the picture in a gate, on average, from which these predict the bearings
     detection_probability: Probability = 0.95  # that a sensor hears a vessel of the picture in its coverage, in a look
 
     def init(self) -> BearingMemory:

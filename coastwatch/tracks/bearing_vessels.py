@@ -33,7 +33,7 @@ class Predicted(NamedTuple):
 
     def take(self, rows: Ints | Bools) -> Predicted:
         """These rows."""
-        return Predicted(*(column[rows] for column in self))
+        return Predicted(self.sensor[rows], self.vessel_id[rows], self.bearing_rad[rows], self.variance[rows])
 
 
 def expected_vessels(
