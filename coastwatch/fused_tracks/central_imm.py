@@ -85,7 +85,6 @@ class CentralImm(FusionMethod):
     - A vessel is reported as its AIS track where the filter contradicts that track (`ais_doubt`), or is far less certain. An efficient
       estimate differs from a consistent one by the difference of their covariances. So plots of a neighbour, or of a radar that errs
       more than it states, hardly make the vessel worse than its AIS.
-    - So is a vessel of one radar track and bearings reported as that track where it contradicts it: bearings are not in the track.
     - A late report is moved to the filter's time by the velocity.
     - A bearing that is of the vessel with `bearing_probability` moves the filter across the line of sight. A vessel that has lost
       its tracks goes on by bearings for `bearing_hold_s`. Its filter begins with the first bearing, if it has but one track.
@@ -107,9 +106,7 @@ class CentralImm(FusionMethod):
     range_registration: NotNegative = 0.5  # share of a plot's variance along the beam that is added where AIS is in the vessel
     azimuth_registration: NotNegative = 1.5  # share of the variance across the beam, the same
     plot_doubt: Positive = 9.2  # normalised innovation squared from which a plot counts less, where AIS is in the vessel
-    ais_doubt: Positive = (
-        9.2  # normalised squared distance at which the vessel is reported as its AIS track, or one radar track
-    )
+    ais_doubt: Positive = 9.2  # normalised squared distance from the AIS track at which the vessel is reported as that track
     unknown_velocity_sigma_m_s: Positive = 0.5  # of tracks that come without covariance
     bearing_probability: PositiveShare = 0.99  # least, of bearings that are used; 1: none
     bearing_gate_sigmas: Positive = 4.0  # bearings farther from the filter are not used
@@ -150,9 +147,6 @@ class CentralImm(FusionMethod):
             estimate[plan.new] = of_tracks
         self._report(filters, plan, reported, time_s, out)
         self._leave_to_ais(tracks, associations.vessel, kind, out)
-        if len(bearings):
-            by_bearing = (np.bincount(bearings.vessel, minlength=count) > 0)[: vessels.vessel_count] & (vessels.size == 1)
-            self._leave_to(tracks, associations.vessel, by_bearing[associations.vessel] & (kind == SourceKind.RADAR), out)
         return filters, out.at_time(time_s)
 
     def _with_held(
@@ -272,15 +266,11 @@ class CentralImm(FusionMethod):
         out.covariance[vessel] = covariance[chosen, :4, :4]
 
     def _leave_to_ais(self, tracks: Tracks, vessel: Ints, kind: Ints, out: Estimates) -> None:
-        """As of `_leave_to`, for AIS tracks. Args: vessel, kind: (N,) of each track."""
-        self._leave_to(tracks, vessel, kind == SourceKind.AIS, out)
+        """Write the most certain AIS track of each vessel whose estimate contradicts it, is far less certain, or is not finite.
 
-    def _leave_to(self, tracks: Tracks, vessel: Ints, asked: Bools, out: Estimates) -> None:
-        """Write the most certain of these tracks of each vessel whose estimate contradicts it, is far less certain, or is not finite.
-
-        Args: vessel: (N,) of each track; asked: (N,) the tracks that a vessel may be left to.
+        Args: vessel, kind: (N,) of each track.
         """
-        ais = np.flatnonzero(asked & np.isfinite(tracks.covariance).all(axis=(1, 2)))
+        ais = np.flatnonzero((kind == SourceKind.AIS) & np.isfinite(tracks.covariance).all(axis=(1, 2)))
         ais = ais[np.lexsort((np.trace(tracks.covariance[ais, :2, :2], axis1=1, axis2=2), vessel[ais]))]
         of, first = np.unique(vessel[ais], return_index=True)
         ais = ais[first]
