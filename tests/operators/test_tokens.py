@@ -159,6 +159,12 @@ def test_a_typo_in_the_file_keeps_the_tokens_of_before_and_is_a_trouble_until_it
     good = path.read_text("utf-8")
     guard = Guard(tokens=Tokens(path), recheck_s=0.1)
 
+    def put(text: str) -> None:
+        """At once: half a file would be a right one without tokens."""
+        new = tmp_path / "new.toml"
+        new.write_text(text, "utf-8")
+        new.replace(path)
+
     def troubles(client: httpx.Client) -> list[dict[str, str]]:
         both = [client.get(asked, headers=bearer(other)).json()["troubles"] for asked in ("/readyz", "/api/v1/status")]
         assert both[0] == both[1]
@@ -171,18 +177,18 @@ def test_a_typo_in_the_file_keeps_the_tokens_of_before_and_is_a_trouble_until_it
     ):
         assert troubles(client) == []
         for wrong in (good + "[[tokens]\n", good + "[[tokens]]\nname = 'x'\nrole = 'king'\ntoken = 's3cret'\n", "\0", None):
-            path.unlink() if wrong is None else path.write_text(wrong, "utf-8")
+            path.unlink() if wrong is None else put(wrong)
             (trouble,) = troubles(client)
             assert (trouble["name"], trouble["serious"]) == ("tokens.toml", False)
             assert trouble["text"].startswith("the tokens of before hold: ")
             assert "s3cret" not in trouble["text"]
             assert client.get("/api/v1/status", headers=bearer(given)).status_code == 200
             assert client.get("/api/v1/status", headers=bearer("x")).status_code == 401
-        path.write_text(kept, "utf-8")
+        put(kept)
         assert code_of(socket) == 4401
         assert client.get("/api/v1/status", headers=bearer(given)).status_code == 401
         assert troubles(client) == []
-        path.write_text("", "utf-8")  # a right file without tokens: nobody
+        put("")  # a right file without tokens: nobody
         assert client.get("/api/v1/status", headers=bearer(other)).status_code == 401
     assert guard.troubles()[0].text == "there is no token in it, so nobody may ask"
 
