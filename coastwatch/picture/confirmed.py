@@ -8,6 +8,7 @@ confirmed one of them for a share of its time, or those of its region before it:
 
 a and b are the times of the track alone and in one vessel with a track of another source, A and B the sums over the tracks of its
 region, w is `confirm_s`. So a second radar that tracks quays and wakes adds no vessel, and one whose tracks others confirm does.
+It is off by default: where land hides a place from the wider radar, a vessel without AIS would be hidden too.
 Source: W. James, C. Stein, Estimation with quadratic loss, 1961 (a share is drawn to that of its group).
 """
 
@@ -63,8 +64,10 @@ def confirm(
     Args: row_of_track: (N,) of the picture, of `rows` vessels.
     """
     shown = np.ones(rows, np.bool_)
-    regions = judged_regions(sensors) if len(sensors.region_names) > 1 else np.zeros(0, np.bool_)
-    if settings.confirmed_share == 0.0 or not regions.any():
+    if settings.confirmed_share == 0.0 or len(sensors.region_names) < 2:
+        return before, shown
+    regions = judged_regions(sensors)
+    if not regions.any():
         return before, shown
     judged = np.append(regions, np.zeros(sensors.ais_source + 1 - len(regions), np.bool_))[tracks.source]
     mine = np.flatnonzero(judged)

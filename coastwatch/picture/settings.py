@@ -30,6 +30,6 @@ class IdentitySettings(Method):
     under_way_kn: Positive = 1.0  # and so long that a vessel of this speed would have left
     cover_margin: PositiveShare = 0.95  # share of a sensor's range that counts as covered
     confirmed_share: Share = (
-        0.8  # of its time that others confirm a track of a radar inside the range of another region's; 0: not asked
+        0.0  # of its time that others confirm a track of a radar inside the range of another region's; 0: it is shown anyway
     )
     confirm_s: Positive = 10.0  # time that the share of its region is worth

@@ -39,7 +39,9 @@ def shown(vessels, cycles=CYCLES, settings=None, of=None, memory=None):
     given = tracks(*zip(*[pair for v in vessels for pair in v], strict=True))
     start_s = float(memory.time_s[0]) if len(memory.time_s) else 0.0
     for cycle in range(1, cycles + 1):
-        memory, out = confirm(settings or Identity(), memory, given, row, len(vessels), start_s + cycle, of or sensors())
+        memory, out = confirm(
+            settings or Identity(confirmed_share=0.8), memory, given, row, len(vessels), start_s + cycle, of or sensors()
+        )
     return memory, out.tolist()
 
 
@@ -67,8 +69,8 @@ def test_a_region_whose_tracks_are_confirmed_begins_vessels_and_one_with_false_t
     assert shown([[(9, NEAR)]], cycles=1, memory=bad)[1] == [False]
 
 
-def test_a_share_of_zero_asks_nothing():
-    assert shown([[(2, NEAR)]], settings=Identity(confirmed_share=0.0))[1] == [True]
+def test_by_default_what_one_radar_sees_alone_is_shown():
+    assert shown([[(2, NEAR)]], settings=Identity())[1] == [True]
 
 
 def test_two_regions_of_one_range_are_not_asked():
