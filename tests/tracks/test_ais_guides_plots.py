@@ -107,3 +107,21 @@ def test_a_vessel_that_no_radar_sees_is_not_reported():
 def test_particles_cannot_be_guided():
     with pytest.raises(ValueError, match=r"bank.method: got 'particles', needed 'compiled' with messages.method = 'guiding'"):
         TableTracker(method="bp_particles", messages={"method": "guiding"})
+
+
+def test_a_memory_of_plots_alone_can_be_guided_from_now_on(column):
+    _, plots, messages = column
+    unguided = TableTracker(method="vimmjipda")
+    half, _ = run(unguided, plots, messages, cycles=range(12))
+    _, out = run(GUIDED, plots, messages, half, range(12, CYCLES))
+    assert (out[-1].held_mmsi >= 0).sum() >= 5  # of ten: tracks had swapped ships before
+
+
+def test_a_filter_that_is_not_finite_contradicts_nothing_and_ends_no_run(column):
+    """Its covariance could reach an eigenvalue routine, which raises an error."""
+    _, plots, messages = column
+    memory, before = run(GUIDED, plots, messages, cycles=range(12))
+    memory.plots_alone.covariance[memory.table.live[0]] = np.nan
+    _, out = run(GUIDED, plots, messages, memory, range(12, CYCLES))
+    assert len(out[-1]) >= len(before[-1]) - 1
+    assert (out[0].held_mmsi >= 0).sum() >= (before[-1].held_mmsi >= 0).sum() - 1

@@ -1,4 +1,4 @@
-"""Filters of plots alone: a column of slots beside the table of radar tracks."""
+"""Filters of plots alone: columns of slots beside the table of radar tracks."""
 
 from __future__ import annotations
 
@@ -29,9 +29,18 @@ class PlotFilters(Struct):
     @classmethod
     def empty(cls, models: int) -> PlotFilters:
         """No slot. Args: models: J of each filter."""
-        no, j = np.zeros(0), models
-        shapes = np.zeros((0, j, 5)), np.zeros((0, j, 5, 5)), np.zeros((0, j)), np.zeros((0, 4)), np.zeros((0, 4, 4))
-        return cls(no, *shapes, no, np.zeros(0, np.int64), no)
+        none, j = np.zeros(0), models
+        return cls(
+            updated_s=none,
+            state=np.zeros((0, j, 5)),
+            covariance=np.zeros((0, j, 5, 5)),
+            mode_probability=np.zeros((0, j)),
+            combined_mean=np.zeros((0, 4)),
+            combined_covariance=np.zeros((0, 4, 4)),
+            noise_m2_s3=none,
+            left_mmsi=np.zeros(0, np.int64),
+            left_s=none,
+        )
 
     @property
     def models(self) -> int:

@@ -86,12 +86,16 @@ def update(
 def contradicted(alone: PlotFilters, table: Table, of: FilterBank, slots: Ints, time_s: float, limit: float) -> Ints:
     """Which of these tracks have a filter of plots alone that contradicts their messages. Returns: rows of slots.
 
-    The filter with messages is efficient, so the difference of the two has the difference of their covariances (Hausman 1978).
+    The filter with messages is efficient, so the difference of the two has the difference of their covariances. Filters that are not
+    finite contradict nothing. Args: limit: normalised squared distance of the positions.
+    Source: J. A. Hausman, Specification tests in econometrics, Econometrica 46(6), 1978.
     """
     rows = np.flatnonzero(alone.has_filter(slots) & np.isfinite(table.message_s[slots]))
-    some = slots[rows]
-    apart = bank().predict(alone.filters, alone.estimates, some, time_s)
-    joint = of.predict(table.filters, table.estimates, some, time_s)
+    apart = bank().predict(alone.filters, alone.estimates, slots[rows], time_s)
+    joint = of.predict(table.filters, table.estimates, slots[rows], time_s)
+    sound = np.isfinite(apart.mean + joint.mean).all(axis=1) & np.isfinite(apart.covariance + joint.covariance).all(axis=(1, 2))
+    rows = rows[sound]
+    apart, joint = (Estimates(*(column[sound] for column in one)) for one in (apart, joint))
     own = apart.covariance[:, :2, :2]
     variance, axes = np.linalg.eigh(own - joint.covariance[:, :2, :2])
     along = np.einsum("nij,ni->nj", axes, apart.mean[:, :2] - joint.mean[:, :2])

@@ -79,6 +79,7 @@ def update_region(
     upkeep, bank, origin_deg = parts.upkeep, parts.bank, sensors.region_origin_deg[region]
     memory = memory.without_radars(jumped).fitting(len(bank.models), len(sensors.radars))
     if isinstance(messages, Guiding):
+        memory = memory.with_plots_alone(len(plots_alone.bank().models))
         heard = messages.trusted(memory, heard, time_s)
     queue = None if isinstance(messages, NoMessages) else _MessagesInTurn(messages, in_order(messages, parts, heard, memory))
     memory = memory.with_clutter_map(parts.clutter, sensors.radars)

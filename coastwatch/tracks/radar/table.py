@@ -168,10 +168,9 @@ class RadarMemory(Struct):
     plots_alone: PlotFilters = field(default_factory=lambda: PlotFilters.empty(0))  # where messages guide the association
 
     @classmethod
-    def empty(cls, models: int, particles: int = 0, alone: int = 0) -> RadarMemory:
-        """No track yet. Args: models: J, of each filter; particles: P, of each track; alone: J of the filters of plots alone."""
-        table, filters = Table.empty(models, 0, particles), PlotFilters.empty(alone)
-        return cls(table, Duplicates.empty(), 1, np.zeros((0, 2)), np.zeros(0), plots_alone=filters)
+    def empty(cls, models: int, particles: int = 0) -> RadarMemory:
+        """No track yet. Args: models: J, of each filter; particles: P, of each track."""
+        return cls(Table.empty(models, 0, particles), Duplicates.empty(), 1, np.zeros((0, 2)), np.zeros(0))
 
     def check_rows(self) -> None:
         """Check the number of radars, as after reading a checkpoint. Raises: ValueError."""
@@ -198,6 +197,12 @@ class RadarMemory(Struct):
             return self
         held = np.logical_or.reduce(np.isfinite(self.table.radar_s[self.table.live][:, moved]), axis=1)
         return replace(self, table=self.table.without(held), clutter=self.clutter.without_radars(moved))
+
+    def with_plots_alone(self, models: int) -> RadarMemory:
+        """This memory with filters of plots alone, if it has none: it is of a tracker without. Args: models: J of each."""
+        if self.plots_alone.models:
+            return self
+        return replace(self, plots_alone=PlotFilters.empty(models).with_slots(len(self.table.track_id)))
 
     def with_clutter_map(self, settings: ClutterSettings, radars: Radars) -> RadarMemory:
         """This memory with an empty clutter map, if one is to be learnt and there is none."""

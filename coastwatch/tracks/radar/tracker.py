@@ -8,7 +8,6 @@ from pydantic import model_validator
 
 from coastwatch.batches import Measurements, Messages, Sensors, Tracks
 from coastwatch.stage import Method
-from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.association import Association, NearestNeighbour
 from coastwatch.tracks.radar.bank import Bank, Compiled, Particles
 from coastwatch.tracks.radar.clutter import ClutterSettings
@@ -83,8 +82,7 @@ class TableTracker(Method):
     def init(self) -> RadarMemory:
         """No track."""
         bank = self.bank.of(self.motion)
-        alone = len(plots_alone.bank().models) if isinstance(self.messages, Guiding) else 0
-        return RadarMemory.empty(len(bank.models), bank.particles, alone)
+        return RadarMemory.empty(len(bank.models), bank.particles)
 
     def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
         """The confirmed tracks of one region at the end of a cycle.
