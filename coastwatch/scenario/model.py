@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AwareDatetime, Field, model_validator
+from pydantic import AwareDatetime, BaseModel, Field, model_validator
 
 from coastwatch.alarms import AlarmRules, Zone
 from coastwatch.associations import (
@@ -163,10 +164,10 @@ class Scenario(Settings):
     @model_validator(mode="after")
     def _settings_of_radars_name_radars(self) -> Scenario:
         names = [radar.name for radar in self.radars]
-        by_radar = {f"plots.{key}": given for key, given in self.plots if isinstance(given, dict)}
-        by_radar |= {f"tracks.upkeep.{key}": given for key, given in self.tracks.upkeep if isinstance(given, dict)}
-        for path, given in by_radar.items():
-            for name in given:
+        stages = {"plots": self.plots, "tracks": self.tracks}
+        by_radar = dict(table for path, stage in stages.items() for table in _tables(stage, path))
+        for path, table in by_radar.items():
+            for name in table:
                 if name not in names:
                     raise InputError(f"{path}: got radar {name!r}, needed one of {names}")
         return self
@@ -235,3 +236,12 @@ class Scenario(Settings):
         start_s = float(np.floor(first_s)) - 1.0 if self.start_utc is None else self.start_utc.timestamp()
         cycles = self.warmup_cycles + self.cycles if self.cycles else max(int(np.ceil((stop_s - start_s) / self.period_s)), 0)
         return Plan(start_s=start_s, period_s=self.period_s, cycles=cycles)
+
+
+def _tables(settings: BaseModel, path: str) -> Iterator[tuple[str, dict[str, object]]]:
+    """The tables by name of sensors in these settings and in the parts of them, each with its path."""
+    for key, given in settings:
+        if isinstance(given, dict):
+            yield f"{path}.{key}", given
+        elif isinstance(given, BaseModel):
+            yield from _tables(given, f"{path}.{key}")
