@@ -11,6 +11,7 @@ from string import Formatter
 import numpy as np
 
 from coastwatch import kernels
+from coastwatch.alarms.lasting import KEYS
 from coastwatch.batches import (
     AlarmKind,
     BearingAssociations,
@@ -36,9 +37,6 @@ from coastwatch.batches.kinds import FLAG_NUMBERS, KINDS, Subject
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m
 from coastwatch.kernels.tables.lookup import find
 
-KEYS = 64
-"""A key is vessel_id * KEYS + number of the kind."""
-
 MOST_NAMED = 3
 """Sensors that a text names; the others are counted."""
 
@@ -55,7 +53,7 @@ class EventMemory:
     """The events that last, and those that ended lately. E rows, sorted; of each key and subject at most one."""
 
     key: Ints  # (E,)
-    subject: Ints  # (E,) of an alarm: number of the zone or id of the other vessel; 0: none
+    subject: Ints  # (E,) of an alarm: number of the zone or sensor, or id of the other vessel; 0: none
     start_s: Floats  # (E,)
     end_s: Floats  # (E,) time of the last cycle with the flag or alarm; NaN: it lasts
     time_s: float  # of the newest cycle; -inf before the first

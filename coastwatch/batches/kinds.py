@@ -1,6 +1,7 @@
 """The table of kinds: every flag of a vessel and every alarm, with number, name, subject, priority, meaning and evidence.
 
-A new alarm has a row here, and a rule in `coastwatch/alarms` that raises it. All else reads this table.
+A new alarm has a row here, a rule in `coastwatch/alarms`, and its call in `rules.step`. New evidence has a row in `events.FIELDS`, and a
+kind of zones begins with `zone_` or `line_`.
 """
 
 from __future__ import annotations

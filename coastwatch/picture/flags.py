@@ -1,4 +1,4 @@
-"""Flags of vessels that an operator should look at: who decides that a vessel is dark, and the other alarms.
+"""Flags of vessels that an operator should look at: who decides that a vessel is dark, and the other flags.
 
 - DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS.
 - AIS_WITHOUT_RADAR: no radar, and AIS reports still `unseen_after_s` later, where a radar detects most vessels (`AisDetection`).
@@ -74,7 +74,7 @@ def flag(
     now: AisNow,
     given: PictureInput,
 ) -> tuple[FlagMemory, Ints]:
-    """All flags of each row of the picture, COASTING included.
+    """The flags of each row by cover, motion and AIS tracks; `ais_flags` and `name_flags` have the others.
 
     Args: past: after this cycle. Returns: memory, (R,).
     """

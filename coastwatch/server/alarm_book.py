@@ -37,7 +37,7 @@ class Alarm(NamedTuple):
 
     vessel_id: int
     kind: str
-    subject: int  # number of the zone or id of the other vessel; 0: none
+    subject: int  # number of the zone or sensor, or id of the other vessel; 0: none
     start_s: float
     end_s: float | None  # None: it lasts
     gaps: int  # how often it has ended and returned

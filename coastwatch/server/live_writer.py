@@ -1,6 +1,7 @@
-"""Writes the cycles of a live run. The run never waits for it: while the database is away cycles wait, then all but the newest are skipped.
+"""Writes the cycles of a live run. While the database is away cycles wait, then all but the newest are skipped.
 
-What begins and ends, names and acknowledgements are kept of every cycle and written later. Of a skipped cycle the picture is missing.
+A run waits for it only while it catches up. What begins and ends, names and acknowledgements are kept of every cycle and written later.
+Of a skipped cycle the picture is missing.
 """
 
 from __future__ import annotations

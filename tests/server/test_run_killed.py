@@ -21,7 +21,14 @@ pytestmark = pytest.mark.whole
 
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time
 KILLS = 2
-LONG = {"input.count": "40", "cycles": "150", "warmup_s": "30.0", "store.checkpoint_every": "4"}
+LONG = {
+    "input.count": "40",
+    "cycles": "150",
+    "warmup_s": "30.0",
+    "store.checkpoint_every": "4",
+    "tracks.plot_origin": "estimated",  # by the default tracker
+    "input.radar.clutter_per_m2": "5e-7",
+}
 """Some seconds: long enough to be killed three times. A checkpoint now and then, so that what is resumed lies before what is stored."""
 
 

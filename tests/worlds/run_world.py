@@ -25,6 +25,8 @@ STATE = (
     "bearing_track",
     "spot",
     "sensor_registration",
+    "event",
+    "identity",
 )
 
 

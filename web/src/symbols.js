@@ -3,7 +3,7 @@
 /** Symbols; the shader of points.js draws them by these numbers. */
 export const SYMBOL = { lost: 0, ais: 1, radar: 2, fused: 3, bearing: 4 };
 /** Bits of the column `flag`. */
-export const FLAG = { dark: 1, unseen: 2, contradicted: 4, twice: 8, speed: 16, coasting: 32, alarm: 64, rule: 128 };
+export const FLAG = { dark: 1, unseen: 2, contradicted: 4, twice: 8, speed: 16, coasting: 32, alarm: 64 };
 /** What filters, declutter and zoom never hide: distress, an alarm, a lost vessel (IEC 62288). */
 export const ALWAYS_SHOWN = FLAG.alarm | FLAG.coasting;
 /** Bits that draw a ring about the symbol. */
@@ -17,7 +17,6 @@ const FLAG_NAMES = [
   [FLAG.speed, 'impossible speed'],
   [FLAG.unseen, 'AIS without radar'],
   [FLAG.coasting, 'coasting'],
-  [FLAG.rule, 'rule'],
 ];
 
 /** Symbol of a vessel by its sources: a sum of 1 AIS, 2 radar, 4 bearing. */

@@ -17,7 +17,7 @@ class TrackLife(NamedTuple):
     """The status of each track and the plots behind it."""
 
     status: Ints  # (S,) SINGLE, TENTATIVE or CONFIRMED
-    hits: Ints  # (S,) plots so far
+    hits: Ints  # (S,) plots and messages so far
     started: Floats  # (S,) time of the first plot
     radar_time: Floats  # (S, R) newest plot of each radar, -inf where there is none
     origins: Ints  # (S, K) true vessels of the newest plots, newest first

@@ -326,7 +326,7 @@ EVENT = of_run(
     "event",
     *keys("vessel_id"),
     Column("kind", FLAG, primary_key=True),  # name of batches.Flag or batches.AlarmKind in lower case
-    *keys("subject"),  # number of the zone, or id of the other vessel; 0: none
+    *keys("subject"),  # number of the zone or sensor, or id of the other vessel; 0: none
     *keys("from_cycle"),
     *nullable(WHOLE, "to_cycle"),
     *required(REAL, "start_s"),

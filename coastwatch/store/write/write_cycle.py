@@ -84,7 +84,7 @@ class CycleRecord:
     checkpoint: bytes | None = None  # the memory after this cycle, if one is to be kept
     last: bool = False  # the run ends here, so its picture is written whatever the settings say
     for_centres: ForCentres = NOTHING_PASSED
-    merged: tuple[SkippedCycle, ...] = ()  # the cycles before it whose reports are in it
+    merged: tuple[SkippedCycle, ...] = ()  # the cycles before it without a picture: merged, or not stored
 
     def skipped(self) -> SkippedCycle:
         """What is kept of it where its picture cannot be stored."""

@@ -4,7 +4,7 @@ A tracker gives the plots of one radar at a time, and the probability of each th
 Call `false_plots_per_m2` before the association of a batch, `learn` after it.
 
 A fixed echo (a quay, a moored boat) becomes clutter within some `prior_turns`. Then its plots begin no track. Cells are squares of the
-region's plane, because quays and moored boats stand there. A map has at most 640 of them along a side: 10 MB.
+region's plane, because quays and moored boats stand there. A map has at most 640 of them along a side: 8 MB.
 Where the map is learnt, the gain of a track that is not confirmed has no term for a miss: if the track is false, nothing was missed.
 """
 
@@ -22,7 +22,7 @@ from coastwatch.kernels.tracks.clutter import TILES
 from coastwatch.stage import NotNegative, Positive, Settings
 
 LEAST_PLOTS = 0.1  # false plots in a turn, of a cell with a standing echo
-MOST_CELLS = 640  # along a side of the window of a radar: 6 MB
+MOST_CELLS = 640  # along a side of the window of a radar
 SIGMAS = 3.0  # of the noise that a displacement must exceed
 PAUSE_TURNS = 3.0  # a radar that was silent for longer has not turned
 TIMES_THE_MEAN = 5.0  # the plots of a cell with a standing echo, over those of all cells in range

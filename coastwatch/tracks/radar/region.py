@@ -13,7 +13,7 @@ from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.tracks.radar import plots_alone
-from coastwatch.tracks.radar.association import Jipda, JipdaLiteral, KnownOrigin, NearestNeighbour
+from coastwatch.tracks.radar.association import Association
 from coastwatch.tracks.radar.clutter import standing_echoes
 from coastwatch.tracks.radar.messages import Guiding, NoMessages, WithMessages, begin_unnamed, in_order
 from coastwatch.tracks.radar.parts import Parts
@@ -68,7 +68,7 @@ class _MessagesInTurn:
 
 
 def update_region(
-    association: NearestNeighbour | KnownOrigin | Jipda | JipdaLiteral,
+    association: Association,
     messages: NoMessages | WithMessages,
     parts: Parts,
     memory: RadarMemory,

@@ -42,7 +42,7 @@ class Table(Struct):
     status: Ints = column(np.int64, "S")
     hits: Ints = column(np.int64, "S")  # plots and AIS messages so far
     started_s: Floats = column(np.float64, "S")
-    updated_s: Floats = column(np.float64, "S")  # newest plot
+    updated_s: Floats = column(np.float64, "S")  # time of the state: the newest plot or message
     state: Floats = column(np.float64, "S", "J", 5)  # at updated_s
     covariance: Floats = column(np.float64, "S", "J", 5, 5)
     mode_probability: Floats = column(np.float64, "S", "J")
