@@ -43,10 +43,10 @@ class Beginnings(NamedTuple):
 
 def acknowledge(store: Store, run_id: int, alarm: AlarmKey, by: Acknowledgement) -> bool:
     """Acknowledge an alarm, if nobody has. Returns: whether it is stored. Raises: StoreError."""
-    of = and_(EVENT.c.run_id == run_id, is_alarm(alarm))
+    condition = and_(EVENT.c.run_id == run_id, is_alarm(alarm))
     with writing(store) as connection:
-        _acknowledge(connection, of, by)
-        return connection.scalar(select(EVENT.c.from_cycle).where(of)) is not None
+        _acknowledge(connection, condition, by)
+        return connection.scalar(select(EVENT.c.from_cycle).where(condition)) is not None
 
 
 def is_alarm(key: AlarmKey) -> ColumnElement[bool]:
@@ -60,21 +60,21 @@ def acknowledge_all(store: Store, run_id: int, alarms: Beginnings, by: Acknowled
     """Acknowledge, in one transaction, each of these alarms that nobody has. Returns: how many. Raises: StoreError."""
     e = EVENT.c
     starts = e.start_s.between(alarms.first_s - SAME_START_S, alarms.last_s + SAME_START_S)
-    of = [e.run_id == run_id, e.kind.in_(alarms.kinds), starts]
+    conditions = [e.run_id == run_id, e.kind.in_(alarms.kinds), starts]
     if alarms.subject is not None:
-        of.append(e.subject == alarms.subject)
+        conditions.append(e.subject == alarms.subject)
     with writing(store) as connection:
-        return _acknowledge(connection, and_(*of), by)
+        return _acknowledge(connection, and_(*conditions), by)
 
 
-def _acknowledge(connection: Connection, of: ColumnElement[bool], by: Acknowledgement) -> int:
+def _acknowledge(connection: Connection, condition: ColumnElement[bool], by: Acknowledgement) -> int:
     """Acknowledge the alarms of a condition that nobody has. Returns: how many."""
     e = EVENT.c
-    waits = and_(of, text("event.unacknowledged"))
-    said = [literal(value) for value in (by.at_s, by.name, by.note, by.who)]
+    waits = and_(condition, text("event.unacknowledged"))
+    values = [literal(value) for value in (by.at_s, by.name, by.note, by.who)]
     keys = "run_id", "vessel_id", "kind", "subject", "from_cycle"
     has_one = exists().where(*(ACKNOWLEDGEMENT.c[name] == EVENT.c[name] for name in keys))  # of an alarm that was found again
-    found = select(*(e[name] for name in keys), *said).where(waits, ~has_one)
+    events = select(*(e[name] for name in keys), *values).where(waits, ~has_one)
     columns = *keys, "acknowledged_s", "acknowledged_by", "note", "who"
-    connection.execute(insert(ACKNOWLEDGEMENT).from_select(columns, found))
+    connection.execute(insert(ACKNOWLEDGEMENT).from_select(columns, events))
     return connection.execute(update(EVENT).where(waits).values(unacknowledged=False)).rowcount

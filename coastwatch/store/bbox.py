@@ -19,8 +19,8 @@ def inside(position_deg: Floats, bbox: Box) -> Bools:
     """Which positions are in a box, its edges included. Args: position_deg: (V, 2)."""
     (south, west, north, east), (latitude, longitude) = bbox, position_deg.T
     after, before = longitude >= west, longitude <= east
-    out: Bools = (latitude >= south) & (latitude <= north) & (after & before if west <= east else after | before)
-    return out
+    inside_box: Bools = (latitude >= south) & (latitude <= north) & (after & before if west <= east else after | before)
+    return inside_box
 
 
 def widened(bbox: Box, by_m: float) -> Box:

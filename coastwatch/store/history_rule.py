@@ -107,16 +107,16 @@ def extend(before: Points, bound: Bound, number: int, time_s: float, before_s: f
 
 def _needs_point(before: Points, row: Ints, bound: Bound, picture: Picture, time_s: float) -> Bools:
     """(V,) which vessels of a picture get a point. Args: row: (V,) of each vessel's point, -1: it has none."""
-    out = np.ones(len(row), np.bool_)
-    known = np.flatnonzero(row >= 0)
-    p = before.take(row[known])
+    needed = np.ones(len(row), np.bool_)
+    rows = np.flatnonzero(row >= 0)
+    p = before.take(row[rows])
     passed_s = time_s - p.time_s
     expected = p.position_deg + p.rate_deg_s * passed_s[:, None]
-    off_m = np.hypot(*difference_m(picture.position_deg[known], expected).T)
-    share = np.where(p.first, (p.vessel_id * HASH % HASH_RANGE) / HASH_RANGE, 1.0)
-    same = (p.mmsi == picture.mmsi[known]) & (p.flags == picture.flags[known]) & (p.nav_status == picture.nav_status[known])
-    out[known] = ~(same & (off_m <= bound.error_m - ROUNDING_M)) | (passed_s >= bound.max_s * share)
-    return out
+    off_m = np.hypot(*difference_m(picture.position_deg[rows], expected).T)
+    wait_share = np.where(p.first, (p.vessel_id * HASH % HASH_RANGE) / HASH_RANGE, 1.0)
+    same = (p.mmsi == picture.mmsi[rows]) & (p.flags == picture.flags[rows]) & (p.nav_status == picture.nav_status[rows])
+    needed[rows] = ~(same & (off_m <= bound.error_m - ROUNDING_M)) | (passed_s >= bound.max_s * wait_share)
+    return needed
 
 
 def _rows(before: Points, fresh: Points, row: Ints, left: Points, before_s: float, first: int) -> Added:
@@ -124,18 +124,18 @@ def _rows(before: Points, fresh: Points, row: Ints, left: Points, before_s: floa
     last_deg = dead_reckon(left.position_deg, left.motion[:, 0], left.motion[:, 1], before_s - left.time_s)
     position = np.concatenate([fresh.position_deg, last_deg])
     moved = np.concatenate([fresh.motion, left.motion])
-    vessel, _, mmsi, flags, *_ = both = [np.concatenate(pair) for pair in zip(fresh, left, strict=True)]
+    vessel, _, mmsi, flags, *_ = columns_of_both = [np.concatenate(pair) for pair in zip(fresh, left, strict=True)]
     previous = np.where(row < 0, -1, np.append(before.cycle, -1)[row])
     columns: list[Column] = [
         vessel,
         *position.T,
         *moved.T,
-        both[Points._fields.index("updated_s")],
+        columns_of_both[Points._fields.index("updated_s")],
         NullableId(mmsi),
         flags,
         NullableId(np.concatenate([previous, left.cycle])),
         np.repeat([False, True], [len(fresh.vessel_id), len(left.vessel_id)]),
-        NullableId(both[Points._fields.index("nav_status")]),
+        NullableId(columns_of_both[Points._fields.index("nav_status")]),
     ]
     order = np.argsort(vessel, kind="stable")
     was = np.append(before.mmsi, -1)[row]
@@ -156,9 +156,9 @@ def rate_deg_s(position_deg: Floats, sog_kn: Floats, cog_deg: Floats) -> Floats:
 
 def dead_reckon(position_deg: Floats, sog_kn: Floats, cog_deg: Floats, seconds: Floats) -> Floats:
     """Positions some time after points. Args: (P, 2), (P,), (P,), (P,); NaN: stands still. Returns: (P, 2)."""
-    out: Floats = position_deg + rate_deg_s(position_deg, sog_kn, cog_deg) * seconds[:, None]
-    out[:, 1] = np.where(np.abs(out[:, 1]) <= 180.0, out[:, 1], wrap_deg(out[:, 1]))
-    return out
+    moved_deg: Floats = position_deg + rate_deg_s(position_deg, sog_kn, cog_deg) * seconds[:, None]
+    moved_deg[:, 1] = np.where(np.abs(moved_deg[:, 1]) <= 180.0, moved_deg[:, 1], wrap_deg(moved_deg[:, 1]))
+    return moved_deg
 
 
 def newest_rows(vessel_id: Ints, cycle: Ints, closing: Bools) -> Ints:

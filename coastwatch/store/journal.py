@@ -112,6 +112,8 @@ def region_positions(store: Store, run_id: int, cycle: int) -> dict[str, tuple[s
     query = select(i.region, i.region_run, i.last_seq).where(i.run_id == run_id, i.cycle <= cycle)
     with reading(store) as connection:
         newest = select(i.region, func.max(i.cycle).label("cycle")).where(i.run_id == run_id, i.cycle <= cycle)
-        of = newest.group_by(i.region).subquery()
-        rows = connection.execute(query.join(of, (of.c.region == i.region) & (of.c.cycle == i.cycle)).order_by(i.number)).all()
+        newest_cycle = newest.group_by(i.region).subquery()
+        rows = connection.execute(
+            query.join(newest_cycle, (newest_cycle.c.region == i.region) & (newest_cycle.c.cycle == i.cycle)).order_by(i.number)
+        ).all()
     return {row.region: (row.region_run, row.last_seq) for row in rows}  # of two runs in one cycle the later one

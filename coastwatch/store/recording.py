@@ -51,9 +51,9 @@ def record(connection: Connection, run_id: int, number: int, picture: Picture, m
     Args: picture: sorted by vessel_id; members: sorted by vessel_id, of vessels of the picture.
     Raises: ValueError where a member is of no vessel of the picture.
     """
-    known = find(picture.vessel_id, members.vessel_id) >= 0
-    if not known.all():
-        raise ValueError(f"members: got {int((~known).sum())} of no vessel of the picture, needed none")
+    is_shown = find(picture.vessel_id, members.vessel_id) >= 0
+    if not is_shown.all():
+        raise ValueError(f"members: got {int((~is_shown).sum())} of no vessel of the picture, needed none")
     columns = {field.name: getattr(picture, field.name) for field in fields(picture)}
     columns |= {f"member_{field.name}": getattr(members, field.name) for field in fields(members)}
     compressor = ZstdCompressor(level=LEVEL, write_checksum=True)
@@ -106,12 +106,12 @@ def replay(
     last = -1
     while True:
         with reading(store) as connection:
-            found = connection.execute(following.where(CYCLE.c.number > last)).first()
-            if found is None:
+            cycle = connection.execute(following.where(CYCLE.c.number > last)).first()
+            if cycle is None:
                 return
-            last = found.number
+            last = cycle.number
             picture, members = read_recorded(connection, run_id, last, bbox)
-        yield Recorded(last, found.time_s, picture, members)
+        yield Recorded(last, cycle.time_s, picture, members)
 
 
 def recorded_at(store: Store, run_id: int, at_s: float, bbox: Box | None = None) -> Recorded:
@@ -121,10 +121,10 @@ def recorded_at(store: Store, run_id: int, at_s: float, bbox: Box | None = None)
     """
     with reading(store) as connection:
         run_exists(connection, store, run_id)
-        found = newest_cycle(connection, run_id, CYCLE.c.recorded, CYCLE.c.time_s <= at_s)
-        if found is None:
+        cycle = newest_cycle(connection, run_id, CYCLE.c.recorded, CYCLE.c.time_s <= at_s)
+        if cycle is None:
             raise StoreError(f"{store.where}: run {run_id}: nothing is recorded up to then; `store.recording` records")
-        return Recorded(*found, *read_recorded(connection, run_id, found[0], bbox))
+        return Recorded(*cycle, *read_recorded(connection, run_id, cycle[0], bbox))
 
 
 def read_recorded(connection: Connection, run_id: int, cycle: int, bbox: Box | None) -> tuple[Picture, Members]:

@@ -224,8 +224,8 @@ def update_rows(
     Args: keys: a column each; where: column to value, further conditions; to: the new values, a column each.
     """
     values: dict[str, Any] = {name: func.coalesce(bindparam(f"to_{name}"), table.c[name]) for name in to}
-    given = {f"to_{name}": column for name, column in to.items()}
-    _by_keys(connection, update(table).values(values), table, keys, where, given)
+    new_values = {f"to_{name}": column for name, column in to.items()}
+    _by_keys(connection, update(table).values(values), table, keys, where, new_values)
 
 
 def delete_rows(connection: Connection, table: SqlTable, keys: Mapping[str, Column], where: Mapping[str, int | None]) -> None:
@@ -246,9 +246,9 @@ def _by_keys(
     table: SqlTable,
     keys: Mapping[str, Column],
     where: Mapping[str, int | None],
-    more: Mapping[str, Column],
+    new_values: Mapping[str, Column],
 ) -> None:
-    columns = {**{f"key_{name}": column for name, column in keys.items()}, **more}
+    columns = {**{f"key_{name}": column for name, column in keys.items()}, **new_values}
     count = row_count(list(keys.values()))
     if count:
         alike = [table.c[name].is_(None) if value is None else table.c[name] == value for name, value in where.items()]
@@ -264,8 +264,8 @@ def _rows(columns: Sequence[Column], low: int, count: int) -> list[tuple[object,
 
 
 def _postgresql_type(kind: object) -> str:
-    for of, name in ((Boolean, "bool"), (Integer, "int8"), (Float, "float8"), (LargeBinary, "bytea")):
-        if isinstance(kind, of):
+    for sql_type, name in ((Boolean, "bool"), (Integer, "int8"), (Float, "float8"), (LargeBinary, "bytea")):
+        if isinstance(kind, sql_type):
             return name
     return "text"
 
@@ -304,5 +304,5 @@ def source_texts(vessel_id: Ints, members: Ints, names: Sequence[str]) -> Catego
         here = np.flatnonzero(rank == k)
         sets, index = np.unique(code[row[here]] * width + source[here], return_inverse=True)
         code[row[here]] = len(texts) + index
-        texts += [",".join(filter(None, (texts[of // width], names[of % width]))) for of in sets.tolist()]
+        texts += [",".join(filter(None, (texts[pair // width], names[pair % width]))) for pair in sets.tolist()]
     return Categorical(code, texts)

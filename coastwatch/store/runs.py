@@ -142,9 +142,9 @@ def discard_runs(store: Store, scenario: str, seed: int | None = None) -> list[i
     r = RUN.c
     which = select(r.id, r.machine, r.process).where(r.scenario == scenario, true() if seed is None else r.seed == seed)
     with reading(store) as connection:
-        found = connection.execute(which.where(r.status == "running")).all()
+        running = connection.execute(which.where(r.status == "running")).all()
     mine = this_process()
-    others = [row for row in found if (row.machine, row.process) != mine]
+    others = [row for row in running if (row.machine, row.process) != mine]
     live = [row.id for row in others if presence(row.machine, row.process) is Presence.HERE]
     return _delete(store, which.with_only_columns(r.id).where(r.id.not_in(live)))
 
@@ -173,14 +173,14 @@ def keep_runs(store: Store, count: int, scenario: str | None = None) -> list[int
 
 def _delete(store: Store, which: Executable) -> list[int]:
     with writing(store) as connection:
-        found = list(connection.scalars(which))
-        for run_id in found:
+        run_ids = list(connection.scalars(which))
+        for run_id in run_ids:
             for table in (t for t in reversed(METADATA.sorted_tables) if t not in OF_NO_RUN):
                 column = table.c.id if table.name == "run" else table.c.run_id
                 connection.execute(delete(table).where(column == run_id))
-    for run_id in found:
+    for run_id in run_ids:
         store.run_states.pop(run_id, None)
-    return found
+    return run_ids
 
 
 class Run(TypedDict):
@@ -207,8 +207,8 @@ def runs(store: Store) -> Rows:
     names = tuple(column.name for column in shown)
     query = select(*shown, r.machine, r.process).outerjoin(stored, stored.c.run_id == r.id).order_by(r.id.desc())
     with reading(store) as connection:
-        found = [dict(row) | {"status": _status(connection, row)} for row in connection.execute(query).mappings()]
-    return Rows(names, [tuple(row[name] for name in names) for row in found])
+        rows = [dict(row) | {"status": _status(connection, row)} for row in connection.execute(query).mappings()]
+    return Rows(names, [tuple(row[name] for name in names) for row in rows])
 
 
 def run(store: Store, run_id: int) -> Run:
@@ -255,39 +255,39 @@ def last_good_run(store: Store, scenario: str, seed: int, before: int) -> tuple[
     """Number and scores of the newest run before another one that finished with scores of which none fell; None without one."""
     r = RUN.c
     query = select(r.id, r.scores, r.verdict).where(r.scenario == scenario, r.seed == seed, r.id < before)
-    found = _fetch(store, query.where(r.status == "finished").order_by(r.id.desc()))
-    return next(((number, scores) for number, scores, verdict in found.rows if scores and not verdict), None)
+    finished = _fetch(store, query.where(r.status == "finished").order_by(r.id.desc()))
+    return next(((number, scores) for number, scores, verdict in finished.rows if scores and not verdict), None)
 
 
 def latest_run(store: Store, scenario: str | None = None) -> int:
     """The number of the newest run (of a scenario). Raises: StoreError where there is none."""
     query = select(func.max(RUN.c.id))
-    found = _fetch(store, query if scenario is None else query.where(RUN.c.scenario == scenario)).rows[0][0]
-    if found is None:
+    number = _fetch(store, query if scenario is None else query.where(RUN.c.scenario == scenario)).rows[0][0]
+    if number is None:
         raise StoreError(f"{store.where}: holds no run" + (f" of {scenario}" if scenario else ""))
-    return int(found)
+    return int(number)
 
 
 def newest_picture(store: Store, run_id: int | None = None) -> tuple[int, int, float] | None:
     """Run, cycle and time of the newest stored picture (of a run); None where there is none."""
     with reading(store) as connection:
         number = connection.scalar(select(func.max(RUN.c.id))) if run_id is None else run_id
-        found = None if number is None else newest_cycle(connection, number, CYCLE.c.picture_kept)
-    return None if number is None or found is None else (number, *found)
+        cycle = None if number is None else newest_cycle(connection, number, CYCLE.c.picture_kept)
+    return None if number is None or cycle is None else (number, *cycle)
 
 
 def last_instant(store: Store, run_id: int) -> float | None:
     """Time of the newest stored cycle of a run; None where there is none."""
     with reading(store) as connection:
-        found = newest_cycle(connection, run_id)
-    return None if found is None else found[1]
+        cycle = newest_cycle(connection, run_id)
+    return None if cycle is None else cycle[1]
 
 
 def newest_cycle(connection: Connection, run_id: int, *where: ColumnElement[bool]) -> tuple[int, float] | None:
     """Number and time of the newest stored cycle of a run (of those that meet conditions); None where there is none."""
     query = select(CYCLE.c.number, CYCLE.c.time_s).where(CYCLE.c.run_id == run_id, *where)
-    found = connection.execute(query.order_by(CYCLE.c.number.desc()).limit(1)).first()
-    return None if found is None else (int(found.number), float(found.time_s))
+    row = connection.execute(query.order_by(CYCLE.c.number.desc()).limit(1)).first()
+    return None if row is None else (int(row.number), float(row.time_s))
 
 
 def between(from_s: float | None, to_s: float | None) -> list[ColumnElement[bool]]:
@@ -322,8 +322,8 @@ def run_exists(connection: Connection, store: Store, run_id: int) -> None:
 
 def no_run(connection: Connection, store: Store, run_id: int) -> StoreError:
     """The refusal of a run that is not there, with the runs that are."""
-    known = sorted(connection.scalars(select(RUN.c.id).order_by(RUN.c.id.desc()).limit(MOST_NAMED)))
-    needed = f"needed one of {', '.join(map(str, known))}" if known else "the database holds none"
+    numbers = sorted(connection.scalars(select(RUN.c.id).order_by(RUN.c.id.desc()).limit(MOST_NAMED)))
+    needed = f"needed one of {', '.join(map(str, numbers))}" if numbers else "the database holds none"
     return StoreError(f"{store.where}: there is no run {run_id}, {needed}; `coastwatch runs` lists all")
 
 
@@ -366,19 +366,19 @@ def _sensor_rows(sensors: Sensors) -> list[tuple[Table, list[dict[str, object]]]
 
 
 def _described(
-    kind: str, of: Radars | Stations | Sonars, spec: Mapping[str, Floats], regions: Sequence[str] | None = None
+    kind: str, sensors: Radars | Stations | Sonars, spec: Mapping[str, Floats], regions: Sequence[str] | None = None
 ) -> list[dict[str, object]]:
     """Rows of table `sensor`. Args: spec: values of each sensor by name; regions: of each."""
     return [
         {
             "kind": kind,
             "number": k,
-            "name": str(of.name[k]),
-            "latitude_deg": float(of.site_deg[k, 0]),
-            "longitude_deg": float(of.site_deg[k, 1]),
-            "range_m": float(of.range_m[k]),
+            "name": str(sensors.name[k]),
+            "latitude_deg": float(sensors.site_deg[k, 0]),
+            "longitude_deg": float(sensors.site_deg[k, 1]),
+            "range_m": float(sensors.range_m[k]),
             "region": None if regions is None else regions[k],
             "spec": {name: float(values[k]) for name, values in spec.items()},
         }
-        for k in range(len(of))
+        for k in range(len(sensors))
     ]

@@ -63,11 +63,11 @@ class Cursor(NamedTuple):
 
 def alarms(store: Store, run_id: int, asked: Asked) -> tuple[Rows, int]:
     """Some alarms of a run, and how many there are. Raises: StoreError."""
-    found = _select(_waiting(run_id) if asked.state == "waiting" else ())
-    found = found.where(E.run_id == run_id, *_conditions(asked))
+    query = _select(_waiting(run_id) if asked.state == "waiting" else ())
+    query = query.where(E.run_id == run_id, *_conditions(asked))
     with reading(store) as connection:
-        total = connection.scalar(select(func.count()).select_from(found.order_by(None).subquery())) or 0
-        return fetch_rows(connection, found.order_by(*_ORDER).limit(asked.limit).offset(asked.offset)), int(total)
+        total = connection.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
+        return fetch_rows(connection, query.order_by(*_ORDER).limit(asked.limit).offset(asked.offset)), int(total)
 
 
 def changed_alarms(store: Store, run_id: int, since: Cursor | None, most: int) -> tuple[Rows, Cursor]:
@@ -122,15 +122,15 @@ def _cursor(connection: Connection, run_id: int) -> Cursor:
 
 def _changed(run_id: int, since: Cursor, now: Cursor) -> list[SelectBase]:
     """The keys of what has changed between two cursors, each part by an index."""
-    out = [
+    keys = [
         _keys(EVENT, run_id, E.start_s > since.time_s),
         _keys(EVENT, run_id, E.to_cycle >= since.cycle),
         _keys(EVENT_GAP, run_id, EVENT_GAP.c.cycle > since.cycle),
     ]
     # Acknowledgements of one instant may have been written after the last look: if there are new ones, those of its instant come again.
     if (since.acknowledged_s, since.acknowledged) != (now.acknowledged_s, now.acknowledged):
-        out.append(_keys(ACKNOWLEDGEMENT, run_id, A.acknowledged_s >= since.acknowledged_s))
-    return out
+        keys.append(_keys(ACKNOWLEDGEMENT, run_id, A.acknowledged_s >= since.acknowledged_s))
+    return keys
 
 
 def _waiting(run_id: int) -> list[SelectBase]:
@@ -143,20 +143,20 @@ def _keys(table: Table, run_id: int, where: ColumnElement[bool]) -> SelectBase:
 
 
 def _conditions(asked: Asked) -> list[ColumnElement[bool]]:
-    out: list[ColumnElement[bool]] = []
+    conditions: list[ColumnElement[bool]] = []
     if asked.state != "unacknowledged" or tuple(asked.kinds) != tuple(ALARM_KINDS):  # what waits is an alarm
-        out.append(E.kind.in_(asked.kinds))
+        conditions.append(E.kind.in_(asked.kinds))
     if asked.state == "lasting":
-        out.append(E.to_cycle.is_(None))
+        conditions.append(E.to_cycle.is_(None))
     elif asked.state == "unacknowledged":
-        out.append(UNACKNOWLEDGED)
+        conditions.append(UNACKNOWLEDGED)
     if asked.from_s is not None:
-        out.append(or_(E.end_s.is_(None), E.end_s >= asked.from_s))
+        conditions.append(or_(E.end_s.is_(None), E.end_s >= asked.from_s))
     if asked.to_s is not None:
-        out.append(E.start_s <= asked.to_s)
+        conditions.append(E.start_s <= asked.to_s)
     if asked.key is not None:
-        out.append(is_alarm(asked.key))
-    return out
+        conditions.append(is_alarm(asked.key))
+    return conditions
 
 
 def _select(parts: Sequence[SelectBase] = ()) -> Select[*tuple[Any, ...]]:
@@ -172,8 +172,8 @@ def _select(parts: Sequence[SelectBase] = ()) -> Select[*tuple[Any, ...]]:
     query = query.select_from(joined.outerjoin(ACKNOWLEDGEMENT, and_(*(E[name] == A[name] for name in KEY))))
     if not parts:
         return query
-    found = union(*parts).subquery()
-    return query.join(found, and_(*(E[name] == found.c[name] for name in KEY)))
+    keys = union(*parts).subquery()
+    return query.join(keys, and_(*(E[name] == keys.c[name] for name in KEY)))
 
 
 _PRIORITY = case(

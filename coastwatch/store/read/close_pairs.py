@@ -41,9 +41,9 @@ class Vessels(NamedTuple):
 def closest_pairs(connection: Connection, run_id: int, values: Mapping[str, float | str]) -> Rows:
     """The answer to question `closest_pairs`. Args: values: its parameters."""
     within_m, least_kn = float(values["within_m"]), float(values["min_sog_kn"])
-    found = _current_vessels(connection, run_id)
-    found = found._replace(sog_kn=np.nan_to_num(found.sog_kn))
-    first, second = _pairs_within(found, within_m)
+    vessels = _current_vessels(connection, run_id)
+    vessels = vessels._replace(sog_kn=np.nan_to_num(vessels.sog_kn))
+    first, second = _pairs_within(vessels, within_m)
     distance_m = np.hypot(*_offset_m(first, second).T)
     near = (distance_m <= within_m) & ((first.sog_kn >= least_kn) | (second.sog_kn >= least_kn))
     rows = _least(near, distance_m, first, second, int(values["count"]))
@@ -60,17 +60,17 @@ def closest_pairs(connection: Connection, run_id: int, values: Mapping[str, floa
 
 def closest_approach(connection: Connection, run_id: int, values: Mapping[str, float | str]) -> Rows:
     """The answer to question `closest_approach`. Args: values: its parameters."""
-    found = _current_vessels(connection, run_id)
-    found = found.take(np.flatnonzero(~np.isnan(found.sog_kn)))
+    vessels = _current_vessels(connection, run_id)
+    vessels = vessels.take(np.flatnonzero(~np.isnan(vessels.sog_kn)))
     search_m, within_m = float(values["search_nm"]) * NAUTICAL_MILE_M, float(values["within_m"])
     horizon_s = float(values["minutes"]) * 60.0
-    farthest_m = within_m + 2.0 * horizon_s * float(np.hypot(*found.velocity_m_s.T).max(initial=0.0))
-    first, second = _pairs_within(found, min(search_m, farthest_m))
-    apart, velocity = _offset_m(first, second), second.velocity_m_s - first.velocity_m_s
-    square = (velocity**2).sum(1)
-    after_s = -(apart * velocity).sum(1) / np.where(square > 0.0, square, 1.0)
-    passing_m = np.hypot(*(apart + velocity * after_s[:, None]).T)
-    distance_m = np.hypot(*apart.T)
+    farthest_m = within_m + 2.0 * horizon_s * float(np.hypot(*vessels.velocity_m_s.T).max(initial=0.0))
+    first, second = _pairs_within(vessels, min(search_m, farthest_m))
+    offset_m, velocity_m_s = _offset_m(first, second), second.velocity_m_s - first.velocity_m_s
+    square = (velocity_m_s**2).sum(1)
+    after_s = -(offset_m * velocity_m_s).sum(1) / np.where(square > 0.0, square, 1.0)
+    passing_m = np.hypot(*(offset_m + velocity_m_s * after_s[:, None]).T)
+    distance_m = np.hypot(*offset_m.T)
     chosen = (distance_m <= search_m) & (square > 0.01) & (after_s >= 0.0) & (after_s <= horizon_s) & (passing_m <= within_m)
     rows = _least(chosen, after_s, first, second, int(values["count"]))
     first, second = first.take(rows), second.take(rows)
@@ -93,18 +93,18 @@ def _current_vessels(connection: Connection, run_id: int) -> Vessels:
     return Vessels(vessel, np.stack([latitude, longitude], 1), sog, velocity, mmsi)
 
 
-def _pairs_within(found: Vessels, radius_m: float) -> tuple[Vessels, Vessels]:
+def _pairs_within(vessels: Vessels, radius_m: float) -> tuple[Vessels, Vessels]:
     """Every pair within a distance, and some more, the smaller number first.
 
     The chord between two points of a sphere is never longer than the distance of `_offset_m`.
     """
-    latitude, longitude = np.radians(found.position_deg).T
+    latitude, longitude = np.radians(vessels.position_deg).T
     east, north = np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude)
     on_sphere = RADIUS_M * np.stack([east, north, np.sin(latitude)], 1)
     pair = scipy.spatial.cKDTree(on_sphere).query_pairs(radius_m + ROUNDING_M, output_type="ndarray")
-    swap = found.vessel_id[pair[:, 0]] > found.vessel_id[pair[:, 1]]
+    swap = vessels.vessel_id[pair[:, 0]] > vessels.vessel_id[pair[:, 1]]
     pair = np.where(swap[:, None], pair[:, ::-1], pair)
-    return found.take(pair[:, 0]), found.take(pair[:, 1])
+    return vessels.take(pair[:, 0]), vessels.take(pair[:, 1])
 
 
 def _offset_m(first: Vessels, second: Vessels) -> Floats:
@@ -118,8 +118,8 @@ def _offset_m(first: Vessels, second: Vessels) -> Floats:
 def _least(chosen: Bools, by: Floats, first: Vessels, second: Vessels, count: int) -> Ints:
     """Rows of the chosen pairs with the least values, in order; at most so many."""
     rows = np.flatnonzero(chosen)
-    out: Ints = rows[np.lexsort((second.vessel_id[rows], first.vessel_id[rows], by[rows]))][:count]
-    return out
+    least: Ints = rows[np.lexsort((second.vessel_id[rows], first.vessel_id[rows], by[rows]))][:count]
+    return least
 
 
 def _rows(named: Mapping[str, Array], first: Vessels, second: Vessels) -> Rows:

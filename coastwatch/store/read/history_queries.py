@@ -71,8 +71,8 @@ def history(
         first, last = connection.execute(span).one()
         if first is None or vessel_id is None:
             return _points(connection, run_id, false() if first is None else HISTORY.c.cycle.between(first, last))
-        found = points_of(connection, run_id, vessel_id, int(first))
-    return found.take((found.array("cycle") >= first) & (found.array("cycle") <= last))
+        points = points_of(connection, run_id, vessel_id, int(first))
+    return points.take((points.array("cycle") >= first) & (points.array("cycle") <= last))
 
 
 def points_of(connection: Connection, run_id: int, vessel_id: int, first: int = 0) -> Table:
@@ -88,8 +88,8 @@ def points_of(connection: Connection, run_id: int, vessel_id: int, first: int = 
     cycles = np.zeros(0, np.int64)
     if starts:
         sql = text(CHAIN.format(starts=", ".join(f"({cycle})" for cycle in starts)))
-        found = connection.scalars(sql, {"run": run_id, "vessel": vessel_id, "first": first})
-        cycles = np.array(sorted(cycle for cycle in found if cycle >= first), np.int64)
+        numbers = connection.scalars(sql, {"run": run_id, "vessel": vessel_id, "first": first})
+        cycles = np.array(sorted(cycle for cycle in numbers if cycle >= first), np.int64)
     return _points(connection, run_id, is_one_of(connection, HISTORY.c.cycle, cycles), HISTORY.c.vessel_id == vessel_id)
 
 
@@ -114,12 +114,12 @@ def history_of_mmsi(connection: Connection, run_id: int, values: Mapping[str, fl
         return Rows(OF_MMSI, [])
     since = or_(i.to_cycle.is_(None), i.to_cycle >= first)
     vessels = connection.scalars(select(i.vessel_id).where(i.run_id == run_id, i.mmsi == mmsi, since).distinct())
-    found = [points_of(connection, run_id, vessel, first) for vessel in sorted(vessels)]
-    if not found:
+    parts = [points_of(connection, run_id, vessel, first) for vessel in sorted(vessels)]
+    if not parts:
         return Rows(OF_MMSI, [])
-    made = Table(OF_MMSI, tuple(np.concatenate([points.array(name) for points in found]) for name in OF_MMSI))
-    made = made.take((made.array("mmsi") == mmsi) & (made.array("time_s") >= from_s))
-    return Rows(OF_MMSI, made.take(np.lexsort((made.array("vessel_id"), made.array("time_s")))).rows)
+    points = Table(OF_MMSI, tuple(np.concatenate([part.array(name) for part in parts]) for name in OF_MMSI))
+    points = points.take((points.array("mmsi") == mmsi) & (points.array("time_s") >= from_s))
+    return Rows(OF_MMSI, points.take(np.lexsort((points.array("vessel_id"), points.array("time_s")))).rows)
 
 
 class Legs(NamedTuple):
@@ -216,13 +216,13 @@ def _points(connection: Connection, run_id: int, *where: ColumnElement[bool]) ->
     """Points by cycle and vessel, without closing ones."""
     names = [name for name in COLUMNS if name != "time_s"]
     query = select(*(HISTORY.c[name] for name in names)).where(HISTORY.c.run_id == run_id, *where)
-    found = dict(zip(names, fetch_arrays(connection, query.where(HISTORY.c.closing == false())), strict=True))
-    cycle = found["cycle"]
-    order = np.lexsort((found["vessel_id"], cycle))
+    columns = dict(zip(names, fetch_arrays(connection, query.where(HISTORY.c.closing == false())), strict=True))
+    cycle = columns["cycle"]
+    order = np.lexsort((columns["vessel_id"], cycle))
     low, high = int(cycle.min(initial=0)), int(cycle.max(initial=-1))
     number, time_s = cycle_times(connection, run_id, min(low, high), high)
-    found["time_s"] = time_s[np.searchsorted(number, cycle)] if len(cycle) else np.zeros(0)
-    return Table(COLUMNS, tuple(found[name][order] for name in COLUMNS))
+    columns["time_s"] = time_s[np.searchsorted(number, cycle)] if len(cycle) else np.zeros(0)
+    return Table(COLUMNS, tuple(columns[name][order] for name in COLUMNS))
 
 
 def cycle_times(connection: Connection, run_id: int, first: int, last: int) -> tuple[Ints, Floats]:
@@ -298,7 +298,7 @@ def _close_legs(
     begin_s = float(entered_s.min())
     first, last = ((entered_s - begin_s) // SLOT_S).astype(np.int64), ((left_s - begin_s) // SLOT_S).astype(np.int64)
     north, east = scale_m_deg(legs.position_deg[:, 0])
-    found = [none]
+    candidates = [none]
     for slot in range(int(last.max()) + 1):
         here = np.flatnonzero((first <= slot) & (last >= slot))
         low, high = begin_s + slot * SLOT_S, begin_s + (slot + 1) * SLOT_S
@@ -312,8 +312,8 @@ def _close_legs(
         if len(here):
             pair = here[scipy.spatial.cKDTree(plane).query_pairs(reach, output_type="ndarray")]
             a, b = pair.T
-            found.append(pair[(legs.vessel_id[a] != legs.vessel_id[b]) & (moves[a] | moves[b])])
-    every = np.concatenate(found)
+            candidates.append(pair[(legs.vessel_id[a] != legs.vessel_id[b]) & (moves[a] | moves[b])])
+    every = np.concatenate(candidates)
     pair = np.stack(np.divmod(np.unique(every[:, 0] * len(moves) + every[:, 1]), len(moves)), 1)
     a, b = pair.T
     since, until = np.maximum(entered_s[a], entered_s[b]), np.minimum(left_s[a], left_s[b])
@@ -326,11 +326,11 @@ def _closest_approach(one: Legs, two: Legs, since_s: Floats, until_s: Floats) ->
     """Metres and time of the closest approach of pairs of legs between two times."""
     north, east = scale_m_deg(one.position_deg[:, 0])
     scale = np.stack([north, east], 1)
-    apart = two.position_deg + two.rate_deg_s * (since_s - two.from_s)[:, None]
-    apart -= one.position_deg + one.rate_deg_s * (since_s - one.from_s)[:, None]
-    apart[:, 1] = wrap_deg(apart[:, 1])
-    apart, velocity = apart * scale, (two.rate_deg_s - one.rate_deg_s) * scale
-    square = (velocity**2).sum(1)
-    passed = -(apart * velocity).sum(1) / np.where(square > 0.0, square, 1.0)
+    offset = two.position_deg + two.rate_deg_s * (since_s - two.from_s)[:, None]
+    offset -= one.position_deg + one.rate_deg_s * (since_s - one.from_s)[:, None]
+    offset[:, 1] = wrap_deg(offset[:, 1])
+    offset, relative = offset * scale, (two.rate_deg_s - one.rate_deg_s) * scale
+    square = (relative**2).sum(1)
+    passed = -(offset * relative).sum(1) / np.where(square > 0.0, square, 1.0)
     passed = np.where(square > 0.0, np.clip(passed, 0.0, np.maximum(until_s - since_s, 0.0)), 0.0)
-    return np.hypot(*(apart + velocity * passed[:, None]).T), since_s + passed
+    return np.hypot(*(offset + relative * passed[:, None]).T), since_s + passed

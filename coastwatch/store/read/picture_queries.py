@@ -106,9 +106,9 @@ def track(store: Store, run_id: int, vessel_id: int) -> VesselTrack:
             i = IDENTITY.c
             had = select(i.vessel_id).where(i.run_id == run_id, i.mmsi == vessel_id).distinct().order_by(i.vessel_id)
             vessels = [str(vessel) for vessel in connection.scalars(had)]
-            known = f"it is the MMSI of vessel {', '.join(vessels)}: `coastwatch track {vessels[-1]}`" if vessels else ""
-            known = known or "`coastwatch picture` lists their ids"
-            raise NotThere(f"{store.where}: run {run_id} never had a vessel {vessel_id}; {known}")
+            hint = f"it is the MMSI of vessel {', '.join(vessels)}: `coastwatch track {vessels[-1]}`" if vessels else ""
+            hint = hint or "`coastwatch picture` lists their ids"
+            raise NotThere(f"{store.where}: run {run_id} never had a vessel {vessel_id}; {hint}")
         history, members = points_of(connection, run_id, vessel_id), fetch_rows(connection, _members(run_id, vessel_id))
         newest = _newest_row(connection, run_id, vessel_id, there)
         return VesselTrack(
@@ -135,8 +135,8 @@ def bearing_tracks(store: Store, run_id: int) -> Rows:
 def _picture_now(connection: Connection, run_id: int, wanted: Sequence[str], *where: ColumnElement[bool]) -> Table:
     names = [name for name in COLUMNS if name not in STATIC and (name in wanted or name in ("vessel_id", "mmsi"))]
     query = select(*(VESSEL.c[name] for name in names)).where(VESSEL.c.run_id == run_id, *where)
-    found = dict(zip(names, fetch_arrays(connection, query.order_by(VESSEL.c.vessel_id)), strict=True))
-    return _with_details(connection, run_id, None, found, wanted)
+    columns = dict(zip(names, fetch_arrays(connection, query.order_by(VESSEL.c.vessel_id)), strict=True))
+    return _with_details(connection, run_id, None, columns, wanted)
 
 
 def picture_of_cycle(
@@ -151,28 +151,28 @@ def picture_of_cycle(
 
     Args: cycle: recorded, or with a history; wanted: of COLUMNS; vessel_id: only this one, from the history.
     """
-    then = select(CYCLE.c.time_s, CYCLE.c.history_from, CYCLE.c.recorded).where(
+    query = select(CYCLE.c.time_s, CYCLE.c.history_from, CYCLE.c.recorded).where(
         CYCLE.c.run_id == run_id, CYCLE.c.number == cycle
     )
-    time_s, first, recorded = connection.execute(then).one()
+    time_s, first, recorded = connection.execute(query).one()
     if recorded and vessel_id is None:
         picture, _ = read_recorded(connection, run_id, cycle, bbox)
         names = ["vessel_id", "mmsi", "nav_status", "flags", "time_s", "since_s", "updated_s", "existence"]
         moved = motion(picture.velocity_m_s, picture.covariance)
-        found = dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))
-        return _with_details(connection, run_id, cycle, found | {name: getattr(picture, name) for name in names}, wanted)
+        columns = dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))
+        return _with_details(connection, run_id, cycle, columns | {name: getattr(picture, name) for name in names}, wanted)
     assert first is not None
     number, at_s = cycle_times(connection, run_id, first, cycle)
     names = ["vessel_id", "cycle", *MOTION, "closing", "mmsi"]
     names += [name for name in ("nav_status", "flags", "updated_s", *ELLIPSE) if name in wanted]
     near = None if bbox is None else _newest_in_box(connection, run_id, number, at_s, bbox, names)
-    found = _newest_points(connection, run_id, number, names, vessel_id) if near is None else near
-    now = dead_reckon(_position(found), found["sog_kn"], found["cog_deg"], time_s - at_s[found["cycle"] - first])
-    found |= {"latitude_deg": now[:, 0], "longitude_deg": now[:, 1], "time_s": np.full(len(now), time_s)}
+    columns = _newest_points(connection, run_id, number, names, vessel_id) if near is None else near
+    now = dead_reckon(_position(columns), columns["sog_kn"], columns["cog_deg"], time_s - at_s[columns["cycle"] - first])
+    columns |= {"latitude_deg": now[:, 0], "longitude_deg": now[:, 1], "time_s": np.full(len(now), time_s)}
     if bbox is not None:
         here = inside(now, bbox)
-        found = {name: column[here] for name, column in found.items()}
-    return _with_details(connection, run_id, cycle, found, wanted)
+        columns = {name: column[here] for name, column in columns.items()}
+    return _with_details(connection, run_id, cycle, columns, wanted)
 
 
 def _from_recording(connection: Connection, run_id: int, cycle: int, bbox: Box | None) -> Columns:
@@ -202,54 +202,54 @@ def _newest_in_box(
     A vessel whose newest point is far from the box is not taken from an older point near it.
     """
     reach = widened(bbox, (at_s[-1] - at_s[0]) * FASTEST_M_S)
-    found = _newest_of_each(points_in_box(connection, run_id, int(number[0]), int(number[-1]), reach, names))
-    now = dead_reckon(_position(found), found["sog_kn"], found["cog_deg"], at_s[-1] - at_s[found["cycle"] - number[0]])
+    columns = _newest_of_each(points_in_box(connection, run_id, int(number[0]), int(number[-1]), reach, names))
+    now = dead_reckon(_position(columns), columns["sog_kn"], columns["cog_deg"], at_s[-1] - at_s[columns["cycle"] - number[0]])
     rows = np.flatnonzero(inside(now, bbox))
     if len(rows) > FEW:
         return None
-    found = {name: column[rows] for name, column in found.items()}
+    columns = {name: column[rows] for name, column in columns.items()}
     newest = select(HISTORY.c.vessel_id, func.max(HISTORY.c.cycle)).where(
         HISTORY.c.run_id == run_id,
         is_one_of(connection, HISTORY.c.cycle, number),
-        is_one_of(connection, HISTORY.c.vessel_id, found["vessel_id"]),
+        is_one_of(connection, HISTORY.c.vessel_id, columns["vessel_id"]),
     )
     vessel, cycle = fetch_arrays(connection, newest.group_by(HISTORY.c.vessel_id).order_by(HISTORY.c.vessel_id))
-    last = cycle == found["cycle"] if len(vessel) else np.zeros(0, np.bool_)
-    return {name: column[last] for name, column in found.items()}
+    last = cycle == columns["cycle"] if len(vessel) else np.zeros(0, np.bool_)
+    return {name: column[last] for name, column in columns.items()}
 
 
-def _newest_of_each(found: Columns) -> Columns:
-    rows = newest_rows(found["vessel_id"], found["cycle"], found["closing"] != 0)
-    return {name: column[rows] for name, column in found.items()}
+def _newest_of_each(points: Columns) -> Columns:
+    rows = newest_rows(points["vessel_id"], points["cycle"], points["closing"] != 0)
+    return {name: column[rows] for name, column in points.items()}
 
 
-def _position(found: Columns) -> Floats:
-    return np.stack([found["latitude_deg"], found["longitude_deg"]], 1)
+def _position(points: Columns) -> Floats:
+    return np.stack([points["latitude_deg"], points["longitude_deg"]], 1)
 
 
-def _with_details(connection: Connection, run_id: int, cycle: int | None, found: Columns, wanted: Sequence[str]) -> Table:
+def _with_details(connection: Connection, run_id: int, cycle: int | None, columns: Columns, wanted: Sequence[str]) -> Table:
     """The wanted columns, with vessel details from other tables. Args: cycle: None: now."""
-    if "existence" in wanted and "existence" not in found:
-        found = found | {"existence": np.full(len(found["vessel_id"]), np.nan)}
+    if "existence" in wanted and "existence" not in columns:
+        columns = columns | {"existence": np.full(len(columns["vessel_id"]), np.nan)}
     if set(STATIC) & set(wanted):
-        found = found | _statics_of(connection, run_id, found["mmsi"])
-    if cycle is not None and "since_s" in wanted and "since_s" not in found:
-        found = found | {"since_s": _since_of(connection, run_id, cycle, found["vessel_id"])}
+        columns = columns | _statics_of(connection, run_id, columns["mmsi"])
+    if cycle is not None and "since_s" in wanted and "since_s" not in columns:
+        columns = columns | {"since_s": _since_of(connection, run_id, cycle, columns["vessel_id"])}
     if cycle is not None and "sources" in wanted:
-        found = found | {"sources": _sources_of(connection, run_id, cycle, found["vessel_id"])}
-    return Table.of({name: found[name] for name in wanted})
+        columns = columns | {"sources": _sources_of(connection, run_id, cycle, columns["vessel_id"])}
+    return Table.of({name: columns[name] for name in wanted})
 
 
 def _statics_of(connection: Connection, run_id: int, mmsi: Ints) -> Columns:
     """Name, call sign, type and size for each MMSI of a row, -1 for none. Args: (V,)."""
-    known, *found = _of_keys(connection, VESSEL_STATIC, run_id, ("mmsi", *STATIC), mmsi)
-    order = np.argsort(known, kind="stable")
-    row = find(known[order], mmsi)
+    stored_mmsi, *columns = _of_keys(connection, VESSEL_STATIC, run_id, ("mmsi", *STATIC), mmsi)
+    order = np.argsort(stored_mmsi, kind="stable")
+    row = find(stored_mmsi[order], mmsi)
     absent = {"O": None, "i": -1, "f": np.nan}
     at = np.append(order, len(order))[row]
     return {
         name: np.append(column, np.array([absent[column.dtype.kind]], column.dtype))[at]
-        for name, column in zip(STATIC, found, strict=True)
+        for name, column in zip(STATIC, columns, strict=True)
     }
 
 
@@ -263,24 +263,26 @@ def newest_statics(store: Store, run_id: int, most: int) -> Table:
 
 def _since_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) -> Floats:
     """When the stay of each vessel began that had this cycle in it, by its own account. Args: (V,) sorted."""
-    known, since = _of_keys(connection, PRESENCE, run_id, ("vessel_id", "since_s"), vessel_id, _includes_cycle(PRESENCE, cycle))
-    out = np.full(len(vessel_id), np.nan)
-    row = find(vessel_id, known)
-    out[row[row >= 0]] = since[row >= 0]
-    return out
+    stored_id, stored_since_s = _of_keys(
+        connection, PRESENCE, run_id, ("vessel_id", "since_s"), vessel_id, _includes_cycle(PRESENCE, cycle)
+    )
+    since_s = np.full(len(vessel_id), np.nan)
+    row = find(vessel_id, stored_id)
+    since_s[row[row >= 0]] = stored_since_s[row >= 0]
+    return since_s
 
 
 def _sources_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) -> Array:
     """Names of the sources that each vessel had in a cycle, "guanabara,ais". Args: (V,) sorted."""
-    columns, then = ("vessel_id", "source", "track_id"), _includes_cycle(MEMBER_HISTORY, cycle)
-    members = np.stack(_of_keys(connection, MEMBER_HISTORY, run_id, columns, vessel_id, then), 1)
+    columns, at_cycle = ("vessel_id", "source", "track_id"), _includes_cycle(MEMBER_HISTORY, cycle)
+    members = np.stack(_of_keys(connection, MEMBER_HISTORY, run_id, columns, vessel_id, at_cycle), 1)
     names = {
         row.number: row.name
         for row in connection.execute(select(SOURCE.c.number, SOURCE.c.name).where(SOURCE.c.run_id == run_id))
     }
     texts = [names.get(k, "") for k in range(max(names, default=-1) + 1)]
-    found = source_texts(vessel_id, members[np.lexsort(members.T[::-1])], texts)
-    return np.array([text or None for text in found.texts], object)[found.codes]
+    sources = source_texts(vessel_id, members[np.lexsort(members.T[::-1])], texts)
+    return np.array([text or None for text in sources.texts], object)[sources.codes]
 
 
 def _includes_cycle(stays: SqlTable, cycle: int) -> ColumnElement[bool]:
@@ -333,9 +335,9 @@ def _rows_of_vessel(table: SqlTable, run_id: int, vessel_id: int) -> Executable:
     lasts = or_(PRESENCE.c.to_cycle.is_(None), PRESENCE.c.to_cycle >= CYCLE.c.number)
     there = select(CYCLE.c.number).join(PRESENCE, and_(stay, lasts)).where(CYCLE.c.run_id == run_id, CYCLE.c.associations_kept)
     columns = [c for c in table.c if c.name not in ("run_id", "cycle", "vessel_id")]
-    here, then = table.c, CYCLE.alias()
-    query = select(here.cycle, then.c.time_s, *columns).join(
-        then, and_(then.c.run_id == here.run_id, then.c.number == here.cycle)
+    here, its_cycle = table.c, CYCLE.alias()
+    query = select(here.cycle, its_cycle.c.time_s, *columns).join(
+        its_cycle, and_(its_cycle.c.run_id == here.run_id, its_cycle.c.number == here.cycle)
     )
     return query.where(here.run_id == run_id, here.cycle.in_(there), here.vessel_id == vessel_id).order_by(here.cycle)
 
@@ -349,9 +351,13 @@ def _newest_row(connection: Connection, run_id: int, vessel_id: int, stays: Rows
             return {**dict(zip(now.columns, now.rows[0], strict=True)), "in_picture": True}
     last = select(func.max(CYCLE.c.number)).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from.is_not(None))
     cycle = connection.scalar(last if to_cycle is None else last.where(CYCLE.c.number == to_cycle))
-    then = Rows((), []) if cycle is None else picture_of_cycle(connection, run_id, cycle, None, vessel_id=vessel_id)
-    found = dict(zip(then.columns, then.rows[0], strict=True)) if then.rows else {"vessel_id": vessel_id, "since_s": since_s}
-    return {**found, "in_picture": to_cycle is None}
+    last_picture = Rows((), []) if cycle is None else picture_of_cycle(connection, run_id, cycle, None, vessel_id=vessel_id)
+    row = (
+        dict(zip(last_picture.columns, last_picture.rows[0], strict=True))
+        if last_picture.rows
+        else {"vessel_id": vessel_id, "since_s": since_s}
+    )
+    return {**row, "in_picture": to_cycle is None}
 
 
 def _last_ais(connection: Connection, run_id: int, history: Table, members: Rows, *, is_here: bool) -> dict[str, object]:

@@ -95,15 +95,15 @@ def operator_query(
     it would have been then, seconds since 1970 UTC. A question of no run leaves out what is later.
     Raises: StoreError for an unknown name or parameter; ParameterError for a value of the wrong kind, out of its limits, or missing.
     """
-    known = operator_queries()
-    if name not in known:
-        raise StoreError(f"query: got {name!r}, needed one of {', '.join(known)}{did_you_mean(name, known)}")
-    question, given = known[name], dict(parameters or {})
-    run_id = given.pop("run", None)
-    unknown = sorted(set(given) - set(question.parameters))
+    questions = operator_queries()
+    if name not in questions:
+        raise StoreError(f"query: got {name!r}, needed one of {', '.join(questions)}{did_you_mean(name, questions)}")
+    question, arguments = questions[name], dict(parameters or {})
+    run_id = arguments.pop("run", None)
+    unknown = sorted(set(arguments) - set(question.parameters))
     if unknown:
         raise StoreError(f"query {name}: got parameter {', '.join(unknown)}, needed {', '.join((*question.parameters, 'run'))}")
-    values = {key: _value(name, key, given.get(key), known.default) for key, known in question.parameters.items()}
+    values = {key: _value(name, key, arguments.get(key), parameter.default) for key, parameter in question.parameters.items()}
     if not question.of_run:
         if run_id is not None:
             raise ParameterError(f"query {name}: got run {run_id}, needed none: its rows belong to no run")
@@ -137,14 +137,17 @@ def limits(key: str) -> tuple[float, float]:
 def _read(path: Path) -> Question:
     lines = path.read_text("utf-8").splitlines()
     comments = [line for line in lines if line.startswith("--")]
-    found = [(match["name"], match["default"].strip(), match["meaning"]) for match in map(PARAMETER.match, comments) if match]
-    said = [line[2:].strip() for line in comments[1:] if not PARAMETER.match(line)]
+    parameters = [
+        (match["name"], match["default"].strip(), match["meaning"]) for match in map(PARAMETER.match, comments) if match
+    ]
+    prose = [line[2:].strip() for line in comments[1:] if not PARAMETER.match(line)]
     return Question(
         title=comments[0][2:].strip(),
         parameters={
-            name: Parameter(None if default == "required" else _number(default), meaning) for name, default, meaning in found
+            name: Parameter(None if default == "required" else _number(default), meaning)
+            for name, default, meaning in parameters
         },
-        explanation=" ".join(said),
+        explanation=" ".join(prose),
         sql="\n".join(line.split("--")[0] for line in lines),
     )
 
@@ -158,27 +161,27 @@ def _number(written: str) -> Value:
     return written
 
 
-def _value(question: str, key: str, given: Value | None, default: Value | None) -> Value:
+def _value(question: str, key: str, argument: Value | None, default: Value | None) -> Value:
     """What was given as the kind of number that the default is; the default where nothing was given."""
-    if given is None:
+    if argument is None:
         if default is None:
             raise ParameterError(f"query {question}: parameter {key} has no default: needed a number")
         return default
-    mmsi = f"{given:09d}" if isinstance(given, int) else str(given)
+    mmsi = f"{argument:09d}" if isinstance(argument, int) else str(argument)
     if key == "mmsi" and (not MMSI.fullmatch(mmsi) or int(mmsi) > MOST_MMSI):
-        raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed nine digits")
+        raise ParameterError(f"query {question}: parameter {key}: got {argument!r}, needed nine digits")
     kinds = (ALARMS, *ALARM_KINDS)
-    if key == "kind" and given not in kinds:
-        needed = f"{', '.join(kinds)}{did_you_mean(str(given), kinds)}"
-        raise ParameterError(f"query {question}: parameter kind: got {given!r}, needed one of {needed}")
-    value = _number(given) if isinstance(given, str) else given
+    if key == "kind" and argument not in kinds:
+        needed = f"{', '.join(kinds)}{did_you_mean(str(argument), kinds)}"
+        raise ParameterError(f"query {question}: parameter kind: got {argument!r}, needed one of {needed}")
+    value = _number(argument) if isinstance(argument, str) else argument
     wants_number = not isinstance(default, str)
     if wants_number and (isinstance(value, str) or value != value or value in (float("inf"), float("-inf"))):
-        raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed a number")
+        raise ParameterError(f"query {question}: parameter {key}: got {argument!r}, needed a number")
     if isinstance(default, int) and value != int(value):
-        raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed a whole number")
+        raise ParameterError(f"query {question}: parameter {key}: got {argument!r}, needed a whole number")
     low, high = limits(key)
     if not isinstance(value, str) and not low <= value <= high:
         needed = f"{low:g} or more" if value < low and high == LARGEST else f"{low:g} to {high:.12g}"
-        raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed {needed}")
+        raise ParameterError(f"query {question}: parameter {key}: got {argument!r}, needed {needed}")
     return int(value) if isinstance(default, int) else float(value) if isinstance(default, float) else value

@@ -46,10 +46,15 @@ def sensor_states(store: Store, run_id: int, at_s: float | None = None) -> Rows:
     with reading(store) as connection:
         last = cycle_at(connection, store, run_id, at_s)
         newest = select(t.kind, t.number, func.max(t.cycle).label("cycle")).where(t.run_id == run_id, t.cycle <= last)
-        found = newest.group_by(t.kind, t.number).subquery()
-        row = and_(t.run_id == run_id, t.cycle == found.c.cycle, t.kind == found.c.kind, t.number == found.c.number)
-        when = and_(CYCLE.c.run_id == run_id, CYCLE.c.number == found.c.cycle)
-        f, known = AIS_FEED.c, [c for c in t if not c.primary_key] + [CYCLE.c.time_s]
+        newest_cycle = newest.group_by(t.kind, t.number).subquery()
+        row = and_(
+            t.run_id == run_id,
+            t.cycle == newest_cycle.c.cycle,
+            t.kind == newest_cycle.c.kind,
+            t.number == newest_cycle.c.number,
+        )
+        when = and_(CYCLE.c.run_id == run_id, CYCLE.c.number == newest_cycle.c.cycle)
+        f, state_columns = AIS_FEED.c, [c for c in t if not c.primary_key] + [CYCLE.c.time_s]
         of_sensor = {c.name: c for c in s if c is not s.run_id}
         nothing, source = {name: null().label(name) for name in of_sensor}, TRACK_SOURCE.c
         of_feed = nothing | {"kind": literal("feed").label("kind"), "number": f.number, "name": f.name}
@@ -57,9 +62,9 @@ def sensor_states(store: Store, run_id: int, at_s: float | None = None) -> Rows:
         of_source |= {"latitude_deg": source.latitude_deg, "longitude_deg": source.longitude_deg}
         answers = []
         for table, columns in ((SENSOR, of_sensor), (AIS_FEED, of_feed), (TRACK_SOURCE, of_source)):
-            same = and_(found.c.kind == columns["kind"], found.c.number == columns["number"])
-            joined = table.outerjoin(found, same).outerjoin(SENSOR_REGISTRATION, row).outerjoin(CYCLE, when)
-            query = select(*columns.values(), *known).select_from(joined).where(table.c.run_id == run_id)
+            same = and_(newest_cycle.c.kind == columns["kind"], newest_cycle.c.number == columns["number"])
+            joined = table.outerjoin(newest_cycle, same).outerjoin(SENSOR_REGISTRATION, row).outerjoin(CYCLE, when)
+            query = select(*columns.values(), *state_columns).select_from(joined).where(table.c.run_id == run_id)
             answers.append(fetch_rows(connection, query.order_by(columns["kind"], columns["number"])))
         return Rows(answers[0].columns, [row for answer in answers for row in answer.rows])
 
@@ -69,18 +74,16 @@ def radar_covers(store: Store, run_id: int) -> tuple[list[str], RadarCover]:
     c, same = SENSOR_COVER.c, _is_radar(run_id, SENSOR_COVER.c.number)
     query = select(SENSOR.c.name, SENSOR_COVER).select_from(SENSOR_COVER.join(SENSOR, same)).where(c.run_id == run_id)
     with reading(store) as connection:
-        found = connection.execute(query.order_by(c.number)).mappings().all()
+        rows = connection.execute(query.order_by(c.number)).mappings().all()
     names = ("ais_detection", "ais_looks", "track_detection", "track_looks", "false_plots_per_km2")
-    read = [[np.frombuffer(row[name], "<f4") for row in found] for name in names]
+    read = [[np.frombuffer(row[name], "<f4") for row in rows] for name in names]
     seen, looks, tracks, track_looks, per_km2 = (
         np.array(each, np.float64).reshape(-1, COVER_AZIMUTHS, COVER_RANGES) for each in read
     )
-    range_m, turns = (np.array([row[name] for row in found], np.float64) for name in ("range_m", "turns"))
-    sites = [(row["latitude_deg"], row["longitude_deg"]) for row in found]
+    range_m, turns = (np.array([row[name] for row in rows], np.float64) for name in ("range_m", "turns"))
+    sites = [(row["latitude_deg"], row["longitude_deg"]) for row in rows]
     site_deg = np.array(sites, np.float64).reshape(-1, 2)
-    return [row["name"] for row in found], RadarCover(
-        range_m, site_deg, turns, seen, looks, tracks, track_looks, 1e-6 * per_km2
-    )
+    return [row["name"] for row in rows], RadarCover(range_m, site_deg, turns, seen, looks, tracks, track_looks, 1e-6 * per_km2)
 
 
 def standing_echoes(store: Store, run_id: int) -> Rows:

@@ -110,11 +110,11 @@ class Store:
         self.close()
 
 
-def other_schema(found: str | None) -> str:
-    """What to do about a database of another schema. Args: found: its revision, None: it has no tables."""
-    if found is not None and found > REVISION:
-        return f"schema: got {found}, needed {REVISION}: it was written by a newer Coastwatch; use that version or a newer one"
-    return f"schema: got {found or 'no tables'}, needed {REVISION}: `coastwatch db upgrade` brings it there"
+def other_schema(stored: str | None) -> str:
+    """What to do about a database of another schema. Args: stored: its revision, None: it has no tables."""
+    if stored is not None and stored > REVISION:
+        return f"schema: got {stored}, needed {REVISION}: it was written by a newer Coastwatch; use that version or a newer one"
+    return f"schema: got {stored or 'no tables'}, needed {REVISION}: `coastwatch db upgrade` brings it there"
 
 
 def connect(url: str, wait_s: float, *, may_create: bool, limit: QueryLimit | None = None, touch: bool = True) -> Store:
@@ -268,21 +268,21 @@ def refusals(store: Store) -> Iterator[None]:
 
 
 def _message(store: Store, error: BaseException | None) -> str:
-    said = str(error).strip()
-    low = said.lower()
+    message = str(error).strip()
+    low = message.lower()
     if store.limit is not None and (low == "interrupted" or "statement timeout" in low):
         return f"the question took longer than {store.limit.seconds:g} s: ask for a smaller box or a shorter time"
     if "locked" in low or "lock timeout" in low:
         return f"database is locked by another process: {store.where} (waited {store.wait_s:g} s); end it, or use another --db"
     if WRITE_FAILED in low or any(sign in low for sign in FULL):
-        return cannot_grow(store.where, said.split("\n")[0], is_file=store.engine.dialect.name == "sqlite")
+        return cannot_grow(store.where, message.split("\n")[0], is_file=store.engine.dialect.name == "sqlite")
     if "not a database" in low:
         return f"{store.where}: is not an SQLite database"
     if "malformed" in low:
-        return f"{store.where}: is damaged ({said}); restore a copy, or start a new database"
+        return f"{store.where}: is damaged ({message}); restore a copy, or start a new database"
     if "readonly" in low or "unable to open" in low:
-        return f"{store.where}: cannot be opened or written: {said}"
-    return f"{store.where}: {said.splitlines()[0] if said else type(error).__name__}"
+        return f"{store.where}: cannot be opened or written: {message}"
+    return f"{store.where}: {message.splitlines()[0] if message else type(error).__name__}"
 
 
 def cannot_grow(where: str, message: str, *, is_file: bool) -> str:
@@ -348,10 +348,10 @@ def long_log_warning(store: Store, vessels: int) -> str | None:
         raw = sqlite_connection(connection)
         raw.execute(f"PRAGMA busy_timeout = {TRUNCATE_WAIT_MS}")
         try:
-            held, _, _ = raw.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+            is_busy, _, _ = raw.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
         finally:
             raw.execute(f"PRAGMA busy_timeout = {int(store.wait_s * 1000.0)}")
-    if not held:
+    if not is_busy:
         return None
     return f"{store.file}-wal has grown to {log_size(store) / 1e6:.0f} MB: another process reads in one transaction and does not end it"
 

@@ -52,15 +52,15 @@ def upgrade_open(store: Store, to: str = "head") -> None:
     config = Config()
     config.set_main_option("script_location", str(migrations_folder()).replace("%", "%%"))
     with writing(store) as connection:
-        found = revision(connection, store.where)
-        if found is not None and found > REVISION:
-            raise StoreError(f"{store.where}: {other_schema(found)}")
+        stored = revision(connection, store.where)
+        if stored is not None and stored > REVISION:
+            raise StoreError(f"{store.where}: {other_schema(stored)}")
         config.attributes["connection"] = connection
         try:
             command.upgrade(config, to)
         except CommandError as error:
             raise StoreError(
-                f"{store.where}: schema: got {found}, needed one that this version can bring to {REVISION}"
+                f"{store.where}: schema: got {stored}, needed one that this version can bring to {REVISION}"
             ) from error
 
 
@@ -70,28 +70,28 @@ def check(url: str, *, wait_s: float = WAIT_S) -> list[str]:
     Raises: StoreError where it is absent, unreachable or another program's.
     """
     with connect(url, wait_s, may_create=False) as store, reading(store) as connection:
-        found = revision(connection, store.where)
-        if found != REVISION:
-            return [other_schema(found)]
+        stored = revision(connection, store.where)
+        if stored != REVISION:
+            return [other_schema(stored)]
         return problems(connection)
 
 
 def problems(connection: Connection) -> list[str]:
     """What is wrong with a database that is open and of this version, one sentence each."""
-    out = differences(connection)
+    sentences = differences(connection)
     if connection.dialect.name == "sqlite":
-        said = [row[0] for row in connection.execute(text("PRAGMA integrity_check"))]
-        out += [f"integrity: {line}" for line in said if line != "ok"]
+        lines = [row[0] for row in connection.execute(text("PRAGMA integrity_check"))]
+        sentences += [f"integrity: {line}" for line in lines if line != "ok"]
         missing = connection.execute(text("PRAGMA foreign_key_check"))
-        out += [f"foreign key: a row of {row[0]} names a missing {row[2]}" for row in missing]
+        sentences += [f"foreign key: a row of {row[0]} names a missing {row[2]}" for row in missing]
         mode = connection.execute(text("PRAGMA journal_mode")).scalar_one()
-        out += [] if mode in ("wal", "memory") else [f"journal_mode: got {mode}, needed wal"]
+        sentences += [] if mode in ("wal", "memory") else [f"journal_mode: got {mode}, needed wal"]
     for part in (folder("db") / "check.sql").read_text("utf-8").split("\n\n")[1:]:  # below the sentence that should hold
         sentence, _, sql = part.partition("\n")
         runs = sorted({str(row[0]) for row in connection.execute(text(sql))})
         if runs:
-            out.append(f"whole cycles: not so in run {', '.join(runs)}: {sentence.removeprefix('-- ')}")
-    return out
+            sentences.append(f"whole cycles: not so in run {', '.join(runs)}: {sentence.removeprefix('-- ')}")
+    return sentences
 
 
 def differences(connection: Connection) -> list[str]:
@@ -102,28 +102,28 @@ def differences(connection: Connection) -> list[str]:
 
     options = {"compare_type": True, "version_table": REVISION_TABLE, "include_name": of_ours}
     context = MigrationContext.configure(connection, opts=options)
-    out = [f"schema: {change}" for change in compare_metadata(context, METADATA)]
+    sentences = [f"schema: {change}" for change in compare_metadata(context, METADATA)]
     if connection.dialect.name == "sqlite":
         listed = connection.execute(text("SELECT name, wr FROM pragma_table_list WHERE type = 'table'"))
         in_key_order = {row.name: bool(row.wr) for row in listed}
         for name, table in METADATA.tables.items():
             wanted = table.dialect_options["sqlite"]["with_rowid"] is False
             if in_key_order.get(name, wanted) is not wanted:
-                out.append(f"schema: table {name}: got WITHOUT ROWID {in_key_order[name]}, needed {wanted}")
-    return out
+                sentences.append(f"schema: table {name}: got WITHOUT ROWID {in_key_order[name]}, needed {wanted}")
+    return sentences
 
 
 def schema(dialect: str) -> str:
     """The SQL that makes the tables of this version. Args: dialect: sqlite or postgresql."""
-    made = DIALECTS[dialect]()
-    out = [f"-- Generated from coastwatch/store/schema/tables.py, schema {REVISION}, by `make docs`.\n"]
+    sql_dialect = DIALECTS[dialect]()
+    parts = [f"-- Generated from coastwatch/store/schema/tables.py, schema {REVISION}, by `make docs`.\n"]
     for table in METADATA.sorted_tables:
         statements: list[ExecutableDDLElement] = [
             CreateTable(table),
             *(CreateIndex(i) for i in sorted(table.indexes, key=lambda i: str(i.name))),
         ]
-        out += [f"{str(s.compile(dialect=made)).strip()};\n" for s in statements]
-    return "\n".join("\n".join(line.rstrip() for line in part.splitlines()) + "\n" for part in out)
+        parts += [f"{str(s.compile(dialect=sql_dialect)).strip()};\n" for s in statements]
+    return "\n".join("\n".join(line.rstrip() for line in part.splitlines()) + "\n" for part in parts)
 
 
 def write_schemas() -> None:

@@ -35,15 +35,15 @@ def open_store(url: str, *, create: bool = True, wait_s: float = WAIT_S, limit: 
     store = connect(url, wait_s, may_create=create, limit=limit)
     try:
         with reading(store) as connection:
-            found = revision(connection, store.where)
-        if found is None and not create:
+            stored = revision(connection, store.where)
+        if stored is None and not create:
             raise StoreError(f"{store.where}: holds no tables; `coastwatch run` or `coastwatch db upgrade` makes them")
-        if found is None:
+        if stored is None:
             from coastwatch.store.schema.migrate import upgrade_open  # Alembic is slow to import
 
             upgrade_open(store)
-        elif found != REVISION:
-            raise StoreError(f"{store.where}: {other_schema(found)}")
+        elif stored != REVISION:
+            raise StoreError(f"{store.where}: {other_schema(stored)}")
     except BaseException:
         store.close()
         raise
@@ -66,11 +66,11 @@ def backup(store: Store, path: Path) -> int:
         with refusals(store), store.engine.connect() as connection:
             sqlite_connection(connection).execute("VACUUM INTO ?", (str(part),))
         with refusals(store), closing(sqlite3.connect(part)) as raw:
-            said = raw.execute("PRAGMA quick_check").fetchone()[0]
+            verdict = raw.execute("PRAGMA quick_check").fetchone()[0]
             raw.execute("PRAGMA journal_mode = WAL")  # as every database has it
-        if said != "ok":
+        if verdict != "ok":
             raise StoreError(
-                f"{store.where}: the copy is damaged ({said}), so the database is too: `coastwatch db check` says more"
+                f"{store.where}: the copy is damaged ({verdict}), so the database is too: `coastwatch db check` says more"
             )
         _put_on_disk(part)
         part.rename(path)
@@ -87,15 +87,15 @@ def restore(source: Path, url: str) -> int:
 
     Raises: StoreError where the backup is damaged or of a newer version; FileExistsError where the database exists; OSError.
     """
-    with connect(str(source), WAIT_S, may_create=False) as found:
-        with reading(found) as connection:
-            schema = revision(connection, found.where)
+    with connect(str(source), WAIT_S, may_create=False) as backup_store:
+        with reading(backup_store) as connection:
+            schema = revision(connection, backup_store.where)
         if schema is None or schema > REVISION:
-            raise StoreError(f"{found.where}: {other_schema(schema)}")
-        with connect(url, WAIT_S, may_create=True, touch=False) as made:
-            if made.file is None:
-                raise StoreError(f"{made.where}: got PostgreSQL, needed an SQLite database: pg_restore restores PostgreSQL")
-        return backup(found, made.file)
+            raise StoreError(f"{backup_store.where}: {other_schema(schema)}")
+        with connect(url, WAIT_S, may_create=True, touch=False) as new:
+            if new.file is None:
+                raise StoreError(f"{new.where}: got PostgreSQL, needed an SQLite database: pg_restore restores PostgreSQL")
+        return backup(backup_store, new.file)
 
 
 def _put_on_disk(path: Path) -> None:

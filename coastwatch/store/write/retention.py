@@ -179,8 +179,8 @@ def _delete_acknowledgements(connection: Connection, run_id: int, kept_s: float,
     a, e = ACKNOWLEDGEMENT.c, EVENT.c
     names = ("vessel_id", "kind", "subject", "from_cycle")
     there = exists().where(e.run_id == run_id, *(e[name] == a[name] for name in names))
-    found = select(*(a[name] for name in names)).where(a.run_id == run_id, a.acknowledged_s < newest_s - kept_s, ~there)
-    if keys := connection.execute(found.order_by(a.acknowledged_s).limit(most)).all():
+    query = select(*(a[name] for name in names)).where(a.run_id == run_id, a.acknowledged_s < newest_s - kept_s, ~there)
+    if keys := connection.execute(query.order_by(a.acknowledged_s).limit(most)).all():
         columns = {name: list(column) for name, column in zip(names, zip(*keys, strict=True), strict=True)}
         delete_rows(connection, ACKNOWLEDGEMENT, columns, {"run_id": run_id})
 
@@ -188,21 +188,23 @@ def _delete_acknowledgements(connection: Connection, run_id: int, kept_s: float,
 def _delete_what_is_of_no_cycle(connection: Connection, keep: StoreSettings) -> None:
     """Delete the picture of one run that ended too long ago, and rows of `audit` and versions of zones that are too old."""
     if keep.picture_hours > 0.0:
-        then = now_utc(connection, -timedelta(hours=keep.picture_hours))
+        oldest_kept = now_utc(connection, -timedelta(hours=keep.picture_hours))
         has = exists().where(VESSEL.c.run_id == RUN.c.id)
-        old = connection.scalar(select(func.min(RUN.c.id)).where(RUN.c.status != "running", RUN.c.finished_utc < then, has))
+        old = connection.scalar(
+            select(func.min(RUN.c.id)).where(RUN.c.status != "running", RUN.c.finished_utc < oldest_kept, has)
+        )
         if old is not None:
             for name in ("vessel", "bearing_track"):
                 connection.execute(delete(TABLES[name]).where(TABLES[name].c.run_id == old))
             connection.execute(update(CYCLE).where(CYCLE.c.run_id == old).values(picture_kept=False))
     if keep.audit_hours > 0.0:
-        then_s = _ago_s(connection, keep.audit_hours * 3600.0)
+        oldest_kept_s = _ago_s(connection, keep.audit_hours * 3600.0)
         oldest = select(AUDIT.c.id, AUDIT.c.time_s).order_by(AUDIT.c.id).limit(ROWS)
-        changes = [row.id for row in connection.execute(oldest) if row.time_s < then_s]
-        connection.execute(delete(AUDIT).where(AUDIT.c.id <= max(changes, default=-1), AUDIT.c.time_s < then_s))
+        changes = [row.id for row in connection.execute(oldest) if row.time_s < oldest_kept_s]
+        connection.execute(delete(AUDIT).where(AUDIT.c.id <= max(changes, default=-1), AUDIT.c.time_s < oldest_kept_s))
         newer = ZONE.alias()
         has_newer = exists().where(newer.c.number == ZONE.c.number, newer.c.version > ZONE.c.version)
-        connection.execute(delete(ZONE).where(ZONE.c.changed_s < then_s, has_newer))
+        connection.execute(delete(ZONE).where(ZONE.c.changed_s < oldest_kept_s, has_newer))
 
 
 def _ago_s(connection: Connection, seconds: float) -> float:
@@ -273,16 +275,16 @@ def prune(store: Store, older_s: float, kinds: Collection[str] = ()) -> Pruned:
     what is in a run is counted from its newest cycle.
     Raises: StoreError.
     """
-    out = Pruned()
+    pruned = Pruned()
     if not kinds:
         with reading(store) as connection:
-            then = now_utc(connection, -timedelta(seconds=older_s))
+            oldest_kept = now_utc(connection, -timedelta(seconds=older_s))
         listed = runs(store)
         names = ("id", "status", "finished_utc", "written_utc", "started_utc")
         for number, status, *instants in zip(*(listed.column(name) for name in names), strict=True):
-            if status != "running" and next(filter(None, instants)) < then:
+            if status != "running" and next(filter(None, instants)) < oldest_kept:
                 delete_run(store, number)
-                out.runs.append(number)
+                pruned.runs.append(number)
     wanted = kinds or OF_RUNS
     for run_id in runs(store).column("id"):
         of_run = CYCLE.c.run_id == run_id
@@ -290,11 +292,13 @@ def prune(store: Store, older_s: float, kinds: Collection[str] = ()) -> Pruned:
             newest_s = connection.scalar(select(func.max(CYCLE.c.time_s)).where(of_run)) or 0.0
             first = connection.scalar(select(func.min(CYCLE.c.number)).where(of_run, CYCLE.c.time_s >= newest_s - older_s)) or 0
         for kind in (one for one in OF_RUNS if one in wanted):
-            out.rows[kind] = out.rows.get(kind, 0) + _prune_run(store, run_id, first, kind)
+            pruned.rows[kind] = pruned.rows.get(kind, 0) + _prune_run(store, run_id, first, kind)
     if "audit" in wanted:
         with writing(store) as connection:
-            out.rows["audit"] = connection.execute(delete(AUDIT).where(AUDIT.c.time_s < _ago_s(connection, older_s))).rowcount
-    return out
+            pruned.rows["audit"] = connection.execute(
+                delete(AUDIT).where(AUDIT.c.time_s < _ago_s(connection, older_s))
+            ).rowcount
+    return pruned
 
 
 def _prune_run(store: Store, run_id: int, first: int, kind: str) -> int:

@@ -31,34 +31,34 @@ class StoredNames:
         return len(self.mmsi)
 
 
-def write_names(connection: Connection, run_id: int, known: StoredNames, reports: AisStatics) -> StoredNames:
+def write_names(connection: Connection, run_id: int, stored: StoredNames, reports: AisStatics) -> StoredNames:
     """Write new names, types and sizes of vessels. Returns: what is stored afterwards."""
     if not len(reports):
-        return known
+        return stored
     mmsi, columns = to_rows.static_rows(reports)
-    row = find(known.mmsi, mmsi)
+    row = find(stored.mmsi, mmsi)
     new = row < 0
     insert(connection, VESSEL_STATIC, [run_id, mmsi[new], *(take(column, new) for column in columns.values())])
     changed = {name: take(column, ~new) for name, column in columns.items()}
     update_rows(connection, VESSEL_STATIC, {"mmsi": mmsi[~new]}, {"run_id": run_id}, changed)
-    heard_s, when = known.heard_s.copy(), np.asarray(columns["updated_s"])
+    heard_s, when = stored.heard_s.copy(), np.asarray(columns["updated_s"])
     heard_s[row[~new]] = when[~new]
-    at = np.searchsorted(known.mmsi, mmsi[new])
-    return StoredNames(np.insert(known.mmsi, at, mmsi[new]), np.insert(heard_s, at, when[new]))
+    at = np.searchsorted(stored.mmsi, mmsi[new])
+    return StoredNames(np.insert(stored.mmsi, at, mmsi[new]), np.insert(heard_s, at, when[new]))
 
 
-def delete_names(connection: Connection, run_id: int, known: StoredNames, before_s: float, present: Ints) -> StoredNames:
+def delete_names(connection: Connection, run_id: int, stored: StoredNames, before_s: float, present: Ints) -> StoredNames:
     """Delete some names that were not heard since an instant, or that are too many. Returns: what is stored afterwards.
 
     Args: present: MMSI of the vessels in the picture, whose names stay.
     """
-    beyond = len(known) - MOST_NAMES
-    old = known.heard_s < before_s
+    beyond = len(stored) - MOST_NAMES
+    old = stored.heard_s < before_s
     if beyond <= 0 and not old.any():
-        return known
+        return stored
     most = AT_ONCE + max(beyond, 0)
-    absent = np.flatnonzero(~np.isin(known.mmsi, present))
-    oldest = absent[np.argsort(known.heard_s[absent], kind="stable")]
+    absent = np.flatnonzero(~np.isin(stored.mmsi, present))
+    oldest = absent[np.argsort(stored.heard_s[absent], kind="stable")]
     gone = oldest[: min(most, max(int(old[absent].sum()), beyond))]
-    delete_rows(connection, VESSEL_STATIC, {"mmsi": known.mmsi[gone]}, {"run_id": run_id})
-    return StoredNames(np.delete(known.mmsi, gone), np.delete(known.heard_s, gone))
+    delete_rows(connection, VESSEL_STATIC, {"mmsi": stored.mmsi[gone]}, {"run_id": run_id})
+    return StoredNames(np.delete(stored.mmsi, gone), np.delete(stored.heard_s, gone))

@@ -73,16 +73,20 @@ def ais_intervals(picture: Picture, members: Members, alarms: AisAlarms) -> Floa
     order = np.argsort(alarms.track_id, kind="stable")
     at = find(alarms.track_id[order], members.track_id)
     row = find(picture.vessel_id, members.vessel_id)
-    known = np.flatnonzero((at >= 0) & (row >= 0))
-    out = np.full(len(picture), np.inf)
-    np.fmin.at(out, row[known], alarms.interval_s[order[at[known]]])
-    return np.where(np.isfinite(out), out, np.nan)
+    rows = np.flatnonzero((at >= 0) & (row >= 0))
+    interval_s = np.full(len(picture), np.inf)
+    np.fmin.at(interval_s, row[rows], alarms.interval_s[order[at[rows]]])
+    return np.where(np.isfinite(interval_s), interval_s, np.nan)
 
 
 def membership(cycle: Cycle) -> Ints:
     """(L, 3) vessel, source, track, sorted: the members of the picture and the bearing tracks that were given to a vessel."""
-    members, bearings, found = cycle.members, cycle.bearing_tracks, cycle.bearing_associations
-    heard = cycle.picture.vessel_id[found.vessel_row], bearings.source[found.bearing_row], bearings.track_id[found.bearing_row]
+    members, bearings, associations = cycle.members, cycle.bearing_tracks, cycle.bearing_associations
+    heard = (
+        cycle.picture.vessel_id[associations.vessel_row],
+        bearings.source[associations.bearing_row],
+        bearings.track_id[associations.bearing_row],
+    )
     rows = np.stack([members.vessel_id, members.source, members.track_id], 1)
     rows = np.concatenate([rows, np.stack(heard, 1)])
     return _sorted(rows[np.argsort(rows[:, 0], kind="stable")])
@@ -100,48 +104,48 @@ def changed_rows(before: Ints, now: Ints) -> tuple[Ints, Ints]:
     left, came = np.ones(len(before), np.bool_), np.ones(len(now), np.bool_)
     left[partner[same]] = came[at[same]] = False
     gone, come = before[left], now[came]
-    both = np.concatenate([gone, come])
-    order = np.lexsort(both.T[::-1])
-    twins = np.flatnonzero((both[order[1:]] == both[order[:-1]]).all(1))
-    alone = np.ones(len(both), np.bool_)
+    different = np.concatenate([gone, come])
+    order = np.lexsort(different.T[::-1])
+    twins = np.flatnonzero((different[order[1:]] == different[order[:-1]]).all(1))
+    alone = np.ones(len(different), np.bool_)
     alone[order[twins]] = alone[order[twins + 1]] = False
     return gone[alone[: len(gone)]], come[alone[len(gone) :]]
 
 
 def association_rows(run_id: int, number: int, cycle: Cycle, members: Ints) -> list[Column]:
     """Columns of table `association`, in key order. Args: members: (L, 3) from `membership`."""
-    tracks, found = cycle.tracks, cycle.associations
-    ends = [column[row] for row in (found.first, found.second) for column in (tracks.source, tracks.track_id)]
+    tracks, associations = cycle.tracks, cycle.associations
+    ends = [column[row] for row in (associations.first, associations.second) for column in (tracks.source, tracks.track_id)]
     key = np.stack([_vessel_of(members, ends[0], ends[1]), *ends], 1)
     order = np.lexsort(key.T[::-1])
-    return [run_id, number, *key[order].T, found.statistic[order]]
+    return [run_id, number, *key[order].T, associations.statistic[order]]
 
 
 def bearing_association_rows(run_id: int, number: int, cycle: Cycle) -> list[Column]:
     """Columns of table `bearing_association`, in key order."""
-    tracks, found = cycle.bearing_tracks, cycle.bearing_associations
-    vessel, row = cycle.picture.vessel_id[found.vessel_row], found.bearing_row
+    tracks, associations = cycle.bearing_tracks, cycle.bearing_associations
+    vessel, row = cycle.picture.vessel_id[associations.vessel_row], associations.bearing_row
     order = np.lexsort((tracks.track_id[row], tracks.source[row], vessel))
     row = row[order]
     bearing = np.degrees(tracks.bearing_rad[row]) % 360.0
-    return [run_id, number, vessel[order], tracks.source[row], tracks.track_id[row], found.statistic[order], bearing]
+    return [run_id, number, vessel[order], tracks.source[row], tracks.track_id[row], associations.statistic[order], bearing]
 
 
 def bearing_track_rows(run_id: int, cycle: Cycle) -> list[Column]:
     """Columns of table `bearing_track`."""
-    tracks, found, picture = cycle.bearing_tracks, cycle.bearing_associations, cycle.picture
+    tracks, associations, picture = cycle.bearing_tracks, cycle.bearing_associations, cycle.picture
     vessel = np.full(len(tracks), -1, np.int64)
-    vessel[found.bearing_row] = picture.vessel_id[found.vessel_row]
+    vessel[associations.bearing_row] = picture.vessel_id[associations.vessel_row]
     where = (np.degrees(tracks.bearing_rad) % 360.0, np.degrees(tracks.rate_rad_s), *tracks.site_deg.T)
     return [run_id, tracks.source, tracks.track_id, *where, NullableId(vessel), tracks.updated_s]
 
 
-def spot_rows(run_id: int, number: int, found: Spots) -> list[Column]:
+def spot_rows(run_id: int, number: int, spots: Spots) -> list[Column]:
     """Columns of table `spot`."""
-    x, y, z = found.centre_m.T
+    x, y, z = spots.centre_m.T
     latitude = np.degrees(np.arctan2(z, (1.0 - ECCENTRICITY2) * np.hypot(x, y)))
-    count = len(found.centre_m)
-    sizes = [np.bincount(of, minlength=count) for of in (found.spot, found.halo_spot)]
+    count = len(spots.centre_m)
+    sizes = [np.bincount(spot_of_track, minlength=count) for spot_of_track in (spots.spot, spots.halo_spot)]
     return [run_id, number, np.arange(count), latitude, np.degrees(np.arctan2(y, x)), *sizes]
 
 
@@ -173,17 +177,17 @@ def static_rows(reports: AisStatics) -> tuple[Ints, dict[str, Column]]:
     mmsi = reports.mmsi[order]
     first = np.flatnonzero(np.append(True, mmsi[1:] != mmsi[:-1])[: len(mmsi)])
 
-    def newest(given: Bools) -> Array:
+    def newest(is_stated: Bools) -> Array:
         """Row of the newest message of each MMSI that gives a value, -1: none does."""
-        rows = np.maximum.reduceat(np.where(given[order], np.arange(len(order)), -1), first)
+        rows = np.maximum.reduceat(np.where(is_stated[order], np.arange(len(order)), -1), first)
         return np.where(rows < 0, -1, order[rows])
 
-    def numbers(of: Array) -> Array:
-        rows = newest(~np.isnan(of))
-        return np.where(rows < 0, np.nan, of[rows])
+    def numbers(column: Array) -> Array:
+        rows = newest(~np.isnan(column))
+        return np.where(rows < 0, np.nan, column[rows])
 
-    def texts(of: Array) -> list[Any]:
-        cleaned = [_clean(x) for x in of.tolist()]
+    def texts(column: Array) -> list[Any]:
+        cleaned = [_clean(x) for x in column.tolist()]
         return [None if row < 0 else cleaned[row] for row in newest(np.array([x != "" for x in cleaned], np.bool_)).tolist()]
 
     ship_type = newest(reports.ship_type >= 0)
@@ -199,19 +203,19 @@ def static_rows(reports: AisStatics) -> tuple[Ints, dict[str, Column]]:
 
 def last_reports(before: LastReport, reports: Reports) -> LastReport:
     """When each sensor was received last. AIS reports do not say which receiver took them: they count for the first."""
-    out = dict(before)
+    last = dict(before)
     for kind, part in (("radar", reports.radar), ("bearing", reports.bearing), ("tracks", reports.tracks)):
         newest_s = np.full(int(part.sensor.max(initial=-1)) + 1, -np.inf)
         np.maximum.at(newest_s, part.sensor, part.received_s)
         for sensor in np.flatnonzero(newest_s > -np.inf).tolist():
-            out[kind, sensor] = max(float(newest_s[sensor]), out.get((kind, sensor), -np.inf))
+            last[kind, sensor] = max(float(newest_s[sensor]), last.get((kind, sensor), -np.inf))
     if len(reports.ais):
         newest = float(reports.ais.received_s.max())
-        out["ais", 0] = max(newest, out.get(("ais", 0), newest))
+        last["ais", 0] = max(newest, last.get(("ais", 0), newest))
         for feed in np.unique(reports.ais.feed[reports.ais.feed >= 0]).tolist():
             newest = float(reports.ais.received_s[reports.ais.feed == feed].max())
-            out["feed", feed] = max(newest, out.get(("feed", feed), newest))
-    return out
+            last["feed", feed] = max(newest, last.get(("feed", feed), newest))
+    return last
 
 
 def newest_reports(before: LastReport, after: LastReport) -> LastReport:
@@ -257,8 +261,8 @@ def registration_rows(
     radars = (np.degrees(c.azimuth_sigma_rad), c.range_bias_m, c.range_sigma_m, c.time_lag_s, c.estimated_lag_s, c.lag_sigma_s)
     none, jitter = np.full(others, -1), np.full(len(kinds), np.nan)
     after, before = np.full(len(t), -1), np.full(others + len(c), -1)
-    known = min(feeds, len(cycle.ais_feeds))
-    jitter[stations + len(bias) :][:known] = cycle.ais_feeds.time_jitter_s[:known]
+    heard_feeds = min(feeds, len(cycle.ais_feeds))
+    jitter[stations + len(bias) :][:heard_feeds] = cycle.ais_feeds.time_jitter_s[:heard_feeds]
 
     def numbers_of_radars(values: Floats) -> NullableId:
         whole = np.where(np.isfinite(values), np.nan_to_num(values), -1.0).astype(np.int64)
@@ -297,13 +301,13 @@ def _sorted(rows: Ints) -> Ints:
 
 def _vessel_of(members: Ints, source: Ints, track: Ints) -> Ints:
     """The vessel that has each track, -1 where none has. Args: members: (L, 3) vessel, source, track; source, track: (A,)."""
-    out = np.full(len(source), -1, np.int64)
+    vessel = np.full(len(source), -1, np.int64)
     for number in np.unique(source).tolist():
-        rows, of = np.flatnonzero(source == number), members[members[:, 1] == number]
-        of = of[np.argsort(of[:, 2], kind="stable")]
-        at = find(of[:, 2], track[rows])
-        out[rows[at >= 0]] = of[at[at >= 0], 0]
-    return out
+        rows, of_source = np.flatnonzero(source == number), members[members[:, 1] == number]
+        of_source = of_source[np.argsort(of_source[:, 2], kind="stable")]
+        at = find(of_source[:, 2], track[rows])
+        vessel[rows[at >= 0]] = of_source[at[at >= 0], 0]
+    return vessel
 
 
 def _clean(text: str) -> str:
