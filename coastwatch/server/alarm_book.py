@@ -71,16 +71,16 @@ class Alarm(NamedTuple):
 
     def changes(self, before: Alarm | None) -> list[What]:
         """What has happened to it between two looks at the database. Args: before: as it was at the first; None: not there."""
-        out: list[What] = []
+        changes: list[What] = []
         if before is None:
-            out.append("opened")
+            changes.append("opened")
         elif self.gaps != before.gaps and (not before.lasts or self.lasts):
-            out.append("returned")
+            changes.append("returned")
         if not self.lasts and (before is None or before.lasts or self.end_s != before.end_s):
-            out.append("closed")
+            changes.append("closed")
         if self.is_acknowledged and (before is None or not before.is_acknowledged):
-            out.append("acknowledged")
-        return out
+            changes.append("acknowledged")
+        return changes
 
 
 class Change(NamedTuple):
@@ -113,10 +113,10 @@ def id_of(key: AlarmKey) -> str:
 
 def key_of(alarm_id: str) -> AlarmKey | None:
     """The alarm of a text, its start to the millisecond; None: it is none."""
-    found = ALARM_ID.fullmatch(alarm_id)
-    if found is None or found[2] not in ALARM_KINDS:
+    match = ALARM_ID.fullmatch(alarm_id)
+    if match is None or match[2] not in ALARM_KINDS:
         return None
-    return AlarmKey(int(found[1]), found[2], int(found[4] or 0), int(found[3]) / 1000.0)
+    return AlarmKey(int(match[1]), match[2], int(match[4] or 0), int(match[3]) / 1000.0)
 
 
 class AlarmBook:
@@ -141,39 +141,39 @@ class AlarmBook:
         """The number of the oldest change that is kept."""
         return self._changes[0].number if self._changes else self._first
 
-    def begin(self, run_id: int, known: Iterable[Alarm] = ()) -> None:
+    def begin(self, run_id: int, alarms: Iterable[Alarm] = ()) -> None:
         """Forget all, and hold the alarms that are known of a run. They are no news, but readers take all alarms again."""
         with self._lock:
             self._number += run_id == self.run_id  # who has all changes until now has not these alarms
-            self.run_id, self._alarms = run_id, {alarm.alarm_id: alarm for alarm in known}
+            self.run_id, self._alarms = run_id, {alarm.alarm_id: alarm for alarm in alarms}
             self._changes.clear()
             self._first = self._number + 1
         self._tell(True)
 
     def take(self, changes: EventChanges) -> None:
         """Take what a cycle has changed in the events."""
-        made: list[tuple[What, Alarm]] = []
+        news: list[tuple[What, Alarm]] = []
         with self._lock:
             for alarm_id, end_s in _alarm_ends(changes.ended):
                 if (ended := self._alarms.get(alarm_id)) is not None:
-                    made.append(("closed", ended._replace(end_s=end_s)))
+                    news.append(("closed", ended._replace(end_s=end_s)))
             for alarm_id, _ in _alarm_ends(changes.returned):
                 if (back := self._alarms.get(alarm_id)) is not None:
-                    made.append(("returned", back._replace(end_s=None, gaps=back.gaps + 1)))
-            made += [("opened", alarm) for alarm in _begun(changes.begun)]
-            self._note(made)
-        self._tell(bool(made))
+                    news.append(("returned", back._replace(end_s=None, gaps=back.gaps + 1)))
+            news += [("opened", alarm) for alarm in _begun(changes.begun)]
+            self._note(news)
+        self._tell(bool(news))
 
     def compare(self, rows: Rows) -> None:
         """Take alarms as the database has them now. Args: rows: columns as of `Alarm`."""
-        made: list[tuple[What, Alarm]] = []
+        news: list[tuple[What, Alarm]] = []
         with self._lock:
             for row in rows.rows:
                 alarm = Alarm(*row)
                 before = self._alarms.get(alarm.alarm_id)
-                made += [(what, alarm) for what in alarm.changes(before)]
-            self._note(made)
-        self._tell(bool(made))
+                news += [(what, alarm) for what in alarm.changes(before)]
+            self._note(news)
+        self._tell(bool(news))
 
     def acknowledge(self, alarm_id: str, by: Acknowledgement) -> Alarm | None:
         """Acknowledge an alarm; the first one counts. Returns: it; None: it is not here."""
@@ -189,7 +189,7 @@ class AlarmBook:
     def acknowledge_all(self, chosen: Beginnings, by: Acknowledgement, slack_s: float) -> int:
         """Acknowledge each alarm of these beginnings that nobody has. Returns: how many. Args: slack_s: starts are given so exactly."""
         with self._lock:
-            found = [
+            alarms = [
                 alarm
                 for alarm in self._alarms.values()
                 if not alarm.is_acknowledged
@@ -197,9 +197,9 @@ class AlarmBook:
                 and chosen.subject in (None, alarm.subject)
                 and chosen.first_s - slack_s <= alarm.start_s <= chosen.last_s + slack_s
             ]
-            self._note([("acknowledged", _acknowledged(alarm, by)) for alarm in found])
-        self._tell(bool(found))
-        return len(found)
+            self._note([("acknowledged", _acknowledged(alarm, by)) for alarm in alarms])
+        self._tell(bool(alarms))
+        return len(alarms)
 
     def alarm(self, alarm_id: str) -> Alarm | None:
         """One alarm; None: it is not here."""
@@ -235,8 +235,8 @@ class AlarmBook:
 
         return end
 
-    def _note(self, made: Sequence[tuple[What, Alarm]]) -> None:
-        for what, alarm in made:
+    def _note(self, news: Sequence[tuple[What, Alarm]]) -> None:
+        for what, alarm in news:
             self._number += 1
             self._alarms[alarm.alarm_id] = alarm
             self._changes.append(Change(self._number, what, alarm))
@@ -265,8 +265,8 @@ def known_of(rows: Rows, memory: EventMemory) -> list[Alarm]:
     vessel_id, kind = np.divmod(memory.key, KEYS)
     spans = EventSpans(vessel_id, kind, memory.subject, memory.start_s, memory.end_s)
     end_s = {alarm_id: None if np.isnan(end) else end for alarm_id, end in _alarm_ends(spans)}
-    found = [Alarm(*row) for row in rows.rows]
-    return [alarm._replace(end_s=end_s.get(alarm.alarm_id, alarm.end_s)) for alarm in found]
+    alarms = [Alarm(*row) for row in rows.rows]
+    return [alarm._replace(end_s=end_s.get(alarm.alarm_id, alarm.end_s)) for alarm in alarms]
 
 
 def _alarm_ends(spans: EventSpans) -> Iterable[tuple[str, float]]:

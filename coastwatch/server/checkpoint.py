@@ -42,7 +42,7 @@ def classes() -> Classes:
     return classes_in(Point)
 
 
-class Pace:
+class CheckpointSchedule:
     """After which cycles a run saves a checkpoint. A live run saves as often as clock and disk allow: its feeds send nothing twice."""
 
     def __init__(self, keep: StoreSettings, live_period_s: float | None = None) -> None:
@@ -76,9 +76,9 @@ def save(value: object) -> bytes:
     text = json.dumps(tree, separators=(",", ":")).encode()
     members: dict[str, Any] = {TREE: np.frombuffer(text, np.uint8)}
     members |= {str(number): array for number, array in enumerate(arrays)}
-    out = io.BytesIO()
-    np.savez(out, **members)
-    return out.getvalue()
+    file = io.BytesIO()
+    np.savez(file, **members)
+    return file.getvalue()
 
 
 def load(saved: bytes) -> Any:

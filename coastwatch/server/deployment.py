@@ -140,20 +140,22 @@ class ServerFile(Settings):
 
     def options(self, folder: Path) -> dict[str, Any]:
         """What it says, by the names of the fields of `Deployment`. Args: folder: where the file lies."""
-        out = self.server.model_dump(exclude_unset=True)
-        for name, value in out.items():
-            is_file = any(isinstance(given, Option) and given.is_file for given in Server.model_fields[name].metadata)
+        options = self.server.model_dump(exclude_unset=True)
+        for name, value in options.items():
+            is_file = any(isinstance(mark, Option) and mark.is_file for mark in Server.model_fields[name].metadata)
             if (is_file and "://" not in value) or (name == "scenario" and (folder / value).exists()):
-                out[name] = str(folder / value)
+                options[name] = str(folder / value)
             elif name == "settings":  # as --set takes them
-                texts = {key: str(of).lower() if isinstance(of, bool) else repr(of) for key, of in value.items()}
-                out[name] = texts | {key: of for key, of in value.items() if isinstance(of, str)}
+                texts = {
+                    key: str(setting).lower() if isinstance(setting, bool) else repr(setting) for key, setting in value.items()
+                }
+                options[name] = texts | {key: setting for key, setting in value.items() if isinstance(setting, str)}
         hooks = tuple(
             hook if hook.secret_file is None else hook.model_copy(update={"secret_file": str(folder / hook.secret_file)})
             for hook in self.webhooks
         )
         feed, region = (tuple(one.address(folder) for one in many) for many in (self.feeds, self.regions))
-        return {**out, "feed": feed, "region": region, "hooks": hooks, "zones": self.zones}
+        return {**options, "feed": feed, "region": region, "hooks": hooks, "zones": self.zones}
 
 
 class Deployment(Server):
@@ -204,7 +206,7 @@ FROM_FILE_ALONE = ("hooks", "zones")
 
 def flag(name: str) -> str:
     """The option of the command line that a field of `Deployment` has, such as --lateness of lateness_s."""
-    named = next((given.flag for given in Deployment.model_fields[name].metadata if isinstance(given, Option)), "")
+    named = next((mark.flag for mark in Deployment.model_fields[name].metadata if isinstance(mark, Option)), "")
     return f"--{named or name.replace('_', '-')}"
 
 
@@ -290,4 +292,4 @@ def of_file(path: Path) -> dict[str, Any] | None:
     try:
         return ServerFile.model_validate(data).options(path.parent)
     except ValidationError as error:
-        raise InputError("\n".join(f"{path}: {said}" for said in refusals(error, ServerFile))) from error
+        raise InputError("\n".join(f"{path}: {refusal}" for refusal in refusals(error, ServerFile))) from error

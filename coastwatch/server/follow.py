@@ -57,10 +57,10 @@ class Follower:
 
     def _look(self) -> None:
         """Read the picture if there is a newer one, and what has changed of the alarms."""
-        found = store.newest_picture(self._store, self._run_id)
-        if found is None:
+        newest = store.newest_picture(self._store, self._run_id)
+        if newest is None:
             return
-        run_id = found[0]  # alarms come first: they wait for no picture, and a large one takes seconds
+        run_id = newest[0]  # alarms come first: they wait for no picture, and a large one takes seconds
         before = self._cursor if self.alarms.run_id == run_id else None
         rows, now = store.changed_alarms(self._store, run_id, before, MOST_ENDED)
         if before is not None and (now.process != before.process or now.cycle < before.cycle):
@@ -71,6 +71,6 @@ class Follower:
         else:
             self.alarms.compare(rows)
         self._cursor = now
-        if found[:2] != self._seen:
-            self._on_picture(of_store(self._store, *found))
-            self._seen = found[:2]
+        if newest[:2] != self._seen:
+            self._on_picture(of_store(self._store, *newest))
+            self._seen = newest[:2]

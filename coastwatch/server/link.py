@@ -147,29 +147,29 @@ class Reconnecting:
         try:
             yield
         except Exception as error:
-            said = self.reason(error)
-            is_defect = said is None
+            reason = self.reason(error)
+            is_defect = reason is None
             if is_defect:
                 LOG.exception(f"{self.name} is begun again")
-            self.link.error = f"{type(error).__name__}: {error}" if is_defect else said
+            self.link.error = f"{type(error).__name__}: {error}" if is_defect else reason
         finally:
             self.link.connected = 0
         got_somewhere = self.progress(self.link) > before and not is_defect
         self._failures = 1 if got_somewhere else self._failures + 1
 
 
-def notice_loss(found: socket.socket) -> None:
+def notice_loss(connection: socket.socket) -> None:
     """Have the system notice that the other side of a connection is gone; a listening socket passes this on to what it accepts."""
     with suppress(OSError):
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         for name, value in KEEPALIVE.items():
             if hasattr(socket, name):  # not all systems have each
-                found.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+                connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
 def reason_of(error: OSError) -> str:
     """What is wrong with an address, in the words of the system: asyncio adds the address as a tuple."""
     if isinstance(error, socket.gaierror) or error.errno is None:
         return str(error.strerror or error)
-    said = os.strerror(error.errno)
-    return f"{said}: is another program listening there?" if error.errno == errno.EADDRINUSE else said
+    reason = os.strerror(error.errno)
+    return f"{reason}: is another program listening there?" if error.errno == errno.EADDRINUSE else reason

@@ -116,7 +116,7 @@ class LiveRun:
         self._publisher = publisher
         self._resume, self._restart_wait_s = resume, tuple(restart_wait_s)
         self._database, self._workers = database, workers
-        self._said: str | None = "starting"
+        self._status: str | None = "starting"
         self._refused_zones: tuple[tuple[str, str], ...] = ()  # name, and why it is not watched
         self._sensors: Sensors | None = None
         self._writer: LiveWriter | None = None
@@ -150,7 +150,7 @@ class LiveRun:
 
     def error(self) -> str | None:
         """What the run does before its first picture, or why it has ended."""
-        return self._said
+        return self._status
 
     def feeds(self) -> Sequence[FeedState]:
         """The feeds with their counters."""
@@ -179,44 +179,44 @@ class LiveRun:
 
     def troubles(self) -> list[Trouble]:
         """What an operator should know."""
-        now_s, out = clock.now_s(), of_feeds(self.feeds(), clock.now_s())
+        now_s, troubles = clock.now_s(), of_feeds(self.feeds(), clock.now_s())
         state = self._writer.state if self._writer else WriterState()
         if state.error is not None:
             since_s = now_s - (time.monotonic() - (state.since_s or time.monotonic()))
-            said = (
+            text = (
                 f"the database cannot be written: {state.error}; {state.waiting} cycles wait, {state.not_stored} were left out"
             )
-            out.append(Trouble("store", "", since_s, said, False))
+            troubles.append(Trouble("store", "", since_s, text, False))
         elif state.waiting > MOST_BEHIND:
-            said = f"the database is slow: {state.waiting} cycles wait, {state.not_stored} were left out so far"
-            out.append(Trouble("store", "", None, said, False))
+            text = f"the database is slow: {state.waiting} cycles wait, {state.not_stored} were left out so far"
+            troubles.append(Trouble("store", "", None, text, False))
         if state.warning is not None:
-            out.append(Trouble("log", "", None, state.warning, False))
+            troubles.append(Trouble("log", "", None, state.warning, False))
         late_s = self.late_s
         if self.cycles and late_s > MERGED_AFTER * self.scenario.period_s:
-            said = f"cycles take too long: the picture is {late_s:.0f} s late, {self.cycles_merged} cycles were merged"
-            out.append(Trouble("behind", "", None, said, True))
+            text = f"cycles take too long: the picture is {late_s:.0f} s late, {self.cycles_merged} cycles were merged"
+            troubles.append(Trouble("behind", "", None, text, True))
         elif lately := [(when_s, cycles) for when_s, cycles in list(self._merges) if now_s - when_s < SHOWN_S]:
             merged = sum(cycles for _, cycles in lately)
-            said = f"{merged} cycles of the last {SHOWN_S / 60.0:.0f} minutes were merged with the next ones, as the run was behind"
-            out.append(Trouble("behind", "", lately[0][0], said, False))
+            text = f"{merged} cycles of the last {SHOWN_S / 60.0:.0f} minutes were merged with the next ones, as the run was behind"
+            troubles.append(Trouble("behind", "", lately[0][0], text, False))
         if step_s := clock.CLOCK.step_s:
-            said = (
+            text = (
                 f"the clock of this machine was set by {step_s:+.0f} s: the watch goes on by its own until it is started again"
             )
-            out.append(Trouble("clock", "", None, said, False))
-        out += [Trouble("zone", name, None, said, False) for name, said in self._refused_zones]
-        out += [
+            troubles.append(Trouble("clock", "", None, text, False))
+        troubles += [Trouble("zone", name, None, text, False) for name, text in self._refused_zones]
+        troubles += [
             Trouble("crowd", stage, None, f"{LEFT_OUT[stage]} ({count} in the last cycle with any)", False)
             for stage, (count, when_s) in tuple(self._left_out.items())
             if now_s - when_s < CROWD_SHOWN_S
         ]
-        out += [
+        troubles += [
             Trouble("restart", "", when_s, f"the run was begun again after: {text}", False)
             for when_s, text in self._failures[-1:]
             if now_s - when_s < SHOWN_S
         ]
-        return out
+        return troubles
 
     def now_s(self) -> float:
         """Now, by the clock that the times of its pictures are of."""
@@ -224,24 +224,24 @@ class LiveRun:
 
     def about(self) -> RunAbout:
         """What does not change in the run."""
-        of = self.scenario
-        return RunAbout(of.name, of.title, of.period_s, of.area.model_dump(mode="json"))
+        scenario = self.scenario
+        return RunAbout(scenario.name, scenario.title, scenario.period_s, scenario.area.model_dump(mode="json"))
 
     def ready(self, sensors: Sensors) -> None:
         """As of `run.Live`."""
         self._begun = True
         if self.stop.is_set():
             raise InterruptedError("stopped before the first cycle")
-        self._said, self._sensors = "waiting for the first cycle", sensors
+        self._status, self._sensors = "waiting for the first cycle", sensors
 
     def begun(self, run_id: int, point: Point) -> None:
         """As of `run.Live`. Names and alarms of a run that goes on come from the database, those of a new one from its cycles."""
-        events, known = point.memory.centre.events, list[Alarm]()
+        events, alarms = point.memory.centre.events, list[Alarm]()
         self._reached = True
         if point.cycle:
             with store.open_store(self._database, create=False) as opened:
                 self._statics = stored_statics(opened, run_id, MOST_STATICS)
-                known = known_of(store.alarms_before(opened, run_id, events.time_s, MOST_ENDED), events)
+                alarms = known_of(store.alarms_before(opened, run_id, events.time_s, MOST_ENDED), events)
         before, left = self.alarms.run_id, len(self.alarms.alarms(Chosen(unacknowledged=True)))
         if before not in (-1, run_id) and left:
             where = f"coastwatch query alarms --run {before}"
@@ -250,10 +250,10 @@ class LiveRun:
                     store.run(opened, before)
             except StoreError as error:  # somebody has deleted it
                 where = str(error)
-            said = f"run {before} had {left} alarms that nobody acknowledged: {where}"
-            LOG.warning(said)
-            self._left.append(Trouble("alarms", str(before), clock.now_s(), said, False))
-        self.alarms.begin(run_id, known)
+            text = f"run {before} had {left} alarms that nobody acknowledged: {where}"
+            LOG.warning(text)
+            self._left.append(Trouble("alarms", str(before), clock.now_s(), text, False))
+        self.alarms.begin(run_id, alarms)
 
     def behind(self, until_s: float) -> int:
         """As of `run.Live`."""
@@ -276,7 +276,7 @@ class LiveRun:
             self._statics = without_absent(self._statics, cycle.picture.mmsi)
         self.alarms.take(cycle.events)
         self._left_out |= {stage: (count, clock.now_s()) for stage, count in cycle.left_out.items()}
-        self.seconds, self._said = done.seconds, None
+        self.seconds, self._status = done.seconds, None
         self._on_picture(of_cycle(done.run_id, done.number, cycle, self._sensors, self._statics))
         self.late_s = clock.now_s() - self.source.due_s(cycle.time_s)
         computed_s = time.monotonic()
@@ -310,10 +310,10 @@ class LiveRun:
                 self._publisher.written(run_id, record.number, record.for_centres.message)
 
         with self._next_writer:
-            made = LiveWriter(watch, write, announce, catches_up=lambda: self._catches_up, before=self._writer, idle=idle)
-            self._writer = made
-        with made:
-            yield made
+            writer = LiveWriter(watch, write, announce, catches_up=lambda: self._catches_up, before=self._writer, idle=idle)
+            self._writer = writer
+        with writer:
+            yield writer
 
     def later(self, job: Callable[[], T]) -> Future[T]:
         """Have a change by an operator written after the cycles until now. While the run is begun again it waits for that.
@@ -341,7 +341,7 @@ class LiveRun:
     def _attempts(self) -> None:
         def progress(done: int, total: int, text: str) -> None:
             if not done and not self.cycles:
-                self._said = text
+                self._status = text
 
         resume = self._resume
         while not self.stop.is_set():
@@ -355,7 +355,7 @@ class LiveRun:
                     progress=progress,
                     live=self,
                 ).faults
-                self._said = None if self.stop.is_set() else "the run has ended: its input has no more reports"
+                self._status = None if self.stop.is_set() else "the run has ended: its input has no more reports"
                 return
             except Exception as error:  # of any part: the run is begun again, and the server goes on answering
                 if not self._goes_on(error):
@@ -379,8 +379,8 @@ class LiveRun:
         self._defects = [when_s for when_s in self._defects if now_s - when_s < RESTARTS_WITHIN_S]
         self._defects += [] if waits or isinstance(error, clock.ClockSet) else [now_s]
         if self.stop.is_set() or never_began or len(self._defects) > MOST_RESTARTS:
-            self.failed, self._said = True, f"the run has failed: {text}"
-            LOG.error(self._said, exc_info=None if never_began else error)
+            self.failed, self._status = True, f"the run has failed: {text}"
+            LOG.error(self._status, exc_info=None if never_began else error)
             self.on_failed()
             return False
         self.restarts += 1

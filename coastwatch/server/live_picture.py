@@ -60,8 +60,8 @@ class LivePicture:
 
     def at(self, vessel_id: Ints) -> Ints:
         """The rows of vessels by their ids; those that are not there are left out."""
-        found = find(self.array("vessel_id"), vessel_id)
-        return found[found >= 0]
+        rows = find(self.array("vessel_id"), vessel_id)
+        return rows[rows >= 0]
 
     def take(self, rows: Ints) -> LivePicture:
         """Some of the vessels. Args: rows: (K,) ascending."""
@@ -69,13 +69,13 @@ class LivePicture:
 
     def rows(self, at: Ints) -> Table:
         """These vessels with all columns of the stored picture. Args: at: (K,) row numbers."""
-        found = {name: self.own.array(name)[at] for name in OWN}
-        known = [self.statics.get(mmsi) for mmsi in found["mmsi"].tolist()]
+        columns = {name: self.own.array(name)[at] for name in OWN}
+        statics = [self.statics.get(mmsi) for mmsi in columns["mmsi"].tolist()]
         for k, (name, absent) in enumerate(ABSENT.items()):
             kind = {"NoneType": object, "int": np.int64, "float": np.float64}[type(absent).__name__]
-            found[name] = np.array([absent if of is None else of[k] for of in known], kind)
-        found["sources"] = np.array([self.source_texts[code] or None for code in self.source_codes[at].tolist()], object)
-        return Table(COLUMNS, tuple(found[name] for name in COLUMNS))
+            columns[name] = np.array([absent if static is None else static[k] for static in statics], kind)
+        columns["sources"] = np.array([self.source_texts[code] or None for code in self.source_codes[at].tolist()], object)
+        return Table(COLUMNS, tuple(columns[name] for name in COLUMNS))
 
     def column(self, name: str, at: Ints) -> Array:
         """One column of `rows`. Args: at: (K,) row numbers."""
@@ -84,9 +84,9 @@ class LivePicture:
         if name == "sources":
             return np.array([text or None for text in self.source_texts], object)[self.source_codes[at]]
         k, absent = STATIC.index(name), ABSENT[name]
-        known = [self.statics.get(mmsi) for mmsi in self.own.array("mmsi")[at].tolist()]
+        statics = [self.statics.get(mmsi) for mmsi in self.own.array("mmsi")[at].tolist()]
         kind = {"NoneType": object, "int": np.int64, "float": np.float64}[type(absent).__name__]
-        return np.array([absent if of is None else of[k] for of in known], kind)
+        return np.array([absent if static is None else static[k] for static in statics], kind)
 
     def search(self, text: str) -> Ints:
         """Rows whose name, call sign, MMSI or vessel id has this text: those that equal it first, then those that begin with it."""
@@ -97,8 +97,8 @@ class LivePicture:
             has = begins.when(column.str.contains(wanted, literal=True)).then(2).otherwise(3)
             ranks.append(polars.when(column == wanted).then(0).otherwise(has))
         rank = self._searched.select(polars.min_horizontal(ranks)).to_series().to_numpy()
-        found = np.flatnonzero(rank < 3)
-        return found[np.argsort(rank[found], kind="stable")]
+        rows = np.flatnonzero(rank < 3)
+        return rows[np.argsort(rank[rows], kind="stable")]
 
     @cached_property
     def _searched(self) -> Any:
@@ -107,8 +107,8 @@ class LivePicture:
         names = polars.DataFrame(
             {
                 "number": polars.Series(list(statics), dtype=polars.Int64),
-                "name": polars.Series([of[0] for of in statics.values()], dtype=polars.String),
-                "call_sign": polars.Series([of[1] for of in statics.values()], dtype=polars.String),
+                "name": polars.Series([static[0] for static in statics.values()], dtype=polars.String),
+                "call_sign": polars.Series([static[1] for static in statics.values()], dtype=polars.String),
             }
         )
         own = polars.DataFrame({"vessel_id": self.array("vessel_id"), "number": self.array("mmsi")})
@@ -124,9 +124,9 @@ def of_cycle(run_id: int, number: int, cycle: Cycle, sensors: Sensors, statics: 
     """The picture of a cycle. Args: statics: see `merge_statics`."""
     picture, members = cycle.picture, membership(cycle)
     moved = motion(picture.velocity_m_s, picture.covariance).T
-    found = dict(zip(("sog_kn", "cog_deg", "major_m", "minor_m", "orientation_deg"), moved, strict=True))
-    found |= {"latitude_deg": picture.position_deg[:, 0], "longitude_deg": picture.position_deg[:, 1]}
-    own = Table(OWN, tuple(found[name] if name in found else getattr(picture, name) for name in OWN))
+    columns = dict(zip(("sog_kn", "cog_deg", "major_m", "minor_m", "orientation_deg"), moved, strict=True))
+    columns |= {"latitude_deg": picture.position_deg[:, 0], "longitude_deg": picture.position_deg[:, 1]}
+    own = Table(OWN, tuple(columns[name] if name in columns else getattr(picture, name) for name in OWN))
     texts = source_texts(picture.vessel_id, members, sensors.source_names)
     bits = np.array([KIND_OF_SOURCE[SourceKind(kind)] for kind in sensors.source_kinds.tolist()], np.uint8)
     kind, row = np.zeros(len(picture), np.uint8), find(picture.vessel_id, members[:, 0])
@@ -136,39 +136,39 @@ def of_cycle(run_id: int, number: int, cycle: Cycle, sensors: Sensors, statics: 
 
 def of_store(opened: Store, run_id: int, cycle: int, time_s: float, at_s: float | None = None) -> LivePicture:
     """The picture of a run in a database: now, or at an instant. Raises: StoreError."""
-    found = store.picture(opened, run_id, at_s)
+    vessels = store.picture(opened, run_id, at_s)
     of_source = {name: KIND_OF_SOURCE[SourceKind[kind.upper()]] for _, name, kind in store.sources(opened, run_id).rows}
     number: dict[str, int] = {}  # of each different text
-    codes = np.array([number.setdefault(text or "", len(number)) for text in found.array("sources").tolist()], np.int64)
+    codes = np.array([number.setdefault(text or "", len(number)) for text in vessels.array("sources").tolist()], np.int64)
     bits = [reduce(or_, (of_source.get(name, 0) for name in text.split(","))) for text in number]
-    statics = zip(*(found.array(name).tolist() for name in STATIC), strict=True)
-    of_mmsi = dict(zip(found.array("mmsi").tolist(), statics, strict=True))
+    statics = zip(*(vessels.array(name).tolist() for name in STATIC), strict=True)
+    of_mmsi = dict(zip(vessels.array("mmsi").tolist(), statics, strict=True))
     of_mmsi.pop(-1, None)
-    own = Table(OWN, tuple(found.array(name) for name in OWN))
+    own = Table(OWN, tuple(vessels.array(name) for name in OWN))
     kind = np.array(bits, np.uint8)[codes] if len(codes) else np.zeros(0, np.uint8)
     return LivePicture(run_id, cycle, time_s, own, kind, codes, list(number), of_mmsi)
 
 
 def stored_statics(opened: Store, run_id: int, most: int) -> Statics:
     """The names that a run has stored, of so many vessels at most: those heard last. Raises: StoreError."""
-    found = store.newest_statics(opened, run_id, most)
-    values = zip(*(found.array(name).tolist() for name in STATIC), strict=True)
-    return dict(zip(found.array("mmsi").tolist(), values, strict=True))
+    names = store.newest_statics(opened, run_id, most)
+    values = zip(*(names.array(name).tolist() for name in STATIC), strict=True)
+    return dict(zip(names.array("mmsi").tolist(), values, strict=True))
 
 
-def merge_statics(known: Statics, reports: AisStatics) -> None:
+def merge_statics(statics: Statics, reports: AisStatics) -> None:
     """Add names, types and sizes to those that are known. A field that was not sent keeps its value."""
     if not len(reports):
         return
     mmsi, columns = static_rows(reports)
     newest = [column.values if isinstance(column, NullableId) else column for column in map(columns.__getitem__, STATIC)]
     for number, *values in zip(mmsi.tolist(), *(np.asarray(column).tolist() for column in newest), strict=True):
-        before = known.get(number, tuple(ABSENT.values()))
+        before = statics.get(number, tuple(ABSENT.values()))
         pairs = zip(values, before, strict=True)
-        known[number] = tuple(old if new is None or new in ("", -1) or new != new else new for new, old in pairs)
+        statics[number] = tuple(old if new is None or new in ("", -1) or new != new else new for new, old in pairs)
 
 
-def without_absent(known: Statics, mmsi: Ints) -> Statics:
+def without_absent(statics: Statics, mmsi: Ints) -> Statics:
     """The names of those vessels that are in a picture. Args: mmsi: (V,) of its vessels."""
     here = set(mmsi.tolist())
-    return {number: values for number, values in known.items() if number in here}
+    return {number: values for number, values in statics.items() if number in here}

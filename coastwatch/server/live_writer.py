@@ -174,12 +174,12 @@ class LiveWriter:
         Args: job: may raise NotYetStored, to be run again after the next cycle.
         """
         with self._changed:
-            made = _Later(self._newest, job, Future())
-            self._later.append(made)
+            waiting = _Later(self._newest, job, Future())
+            self._later.append(waiting)
             if len(self._later) > MOST_LATER:
                 self._give_up(self._later.popleft(), StoreError(f"more than {MOST_LATER} changes wait for the database"))
             self._changed.notify_all()
-        return made.done
+        return waiting.done
 
     def end_changes(self, error: StoreError) -> None:
         """Try the changes that wait in a closed writer once more, until the database refuses one. Give up the rest.
@@ -199,8 +199,8 @@ class LiveWriter:
     def _handed_over(self) -> deque[_Later]:
         """The changes that wait. They are not here any more."""
         with self._changed:
-            taken, self._later = self._later, deque()
-        return taken
+            waiting, self._later = self._later, deque()
+        return waiting
 
     def _skip(self) -> None:
         """Keep the picture of the newest record alone where too much waits. The first record may be in writing: it stays."""
@@ -331,9 +331,9 @@ class LiveWriter:
             self.state.waiting = len(self._waiting)
         self._announce_one(record)
 
-    def _failed(self, said: str) -> None:
+    def _failed(self, error: str) -> None:
         with self._changed:
-            self.state.error, self.state.failures = said, self.state.failures + 1
+            self.state.error, self.state.failures = error, self.state.failures + 1
             self.state.since_s = self.state.since_s or time.monotonic()
             self._failed_in_a_row += 1
             self._changed.notify_all()
@@ -365,6 +365,6 @@ class LiveWriter:
             self._announce(record)
 
 
-def _finish(one: _Later, made: object) -> None:
+def _finish(one: _Later, result: object) -> None:
     if not one.done.done():
-        one.done.set_result(made)
+        one.done.set_result(result)

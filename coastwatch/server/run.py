@@ -20,7 +20,7 @@ from coastwatch.formats.intake.accounts import losses
 from coastwatch.scenario import Scenario
 from coastwatch.scores import add, result, start
 from coastwatch.server import checkpoint
-from coastwatch.server.checkpoint import Pace, Point
+from coastwatch.server.checkpoint import CheckpointSchedule, Point
 from coastwatch.server.input import AtOnce, Input
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.warm_up import warm_up
@@ -150,16 +150,16 @@ def run_scenario(
     source: Input
     if live is None:
         source = whole = AtOnce(scenario, sensors, seed)
-        total, stop, pace = whole.plan.cycles, threading.Event(), Pace(scenario.store)
+        total, stop, schedule = whole.plan.cycles, threading.Event(), CheckpointSchedule(scenario.store)
         if on_input is not None:
             on_input(whole.recording.all_contents(), whole.recording.faults)
     else:
-        source, total, stop, pace = live.source, 1, live.stop, Pace(scenario.store, scenario.period_s)
+        source, total, stop, schedule = live.source, 1, live.stop, CheckpointSchedule(scenario.store, scenario.period_s)
     with store.open_store(database) as opened:
         if restart:
             store.discard_runs(opened, scenario.name, seed)
         with open_workers(scenario.workers.method, count) as opened_workers:
-            run = _Run(scenario, sensors, seed, source, live, stop, pace, opened, opened_workers)
+            run = _Run(scenario, sensors, seed, source, live, stop, schedule, opened, opened_workers)
             warm_up(scenario, sensors, partial(report, 0, total), opened_workers)
             point = run.begin(resume, processors(count))
             with _interrupt_as_flag(stop) if live is None else nullcontext():
@@ -212,7 +212,7 @@ class _Run:
     source: Input
     live: Live | None
     stop: threading.Event
-    pace: Pace
+    schedule: CheckpointSchedule
     store: Store
     workers: Workers
     watch: Stopwatch = field(default_factory=Stopwatch)
@@ -291,7 +291,7 @@ class _Run:
                 number += min(behind, MOST_MERGED, self.plan.cycles - 1 - number)
             began_s = time.monotonic()
             if not self.source.wait(self.plan.instant_s(number), self.stop):
-                if point.cycle and self.pace.newest != point.cycle - 1:
+                if point.cycle and self.schedule.newest != point.cycle - 1:
                     blob = self.saved(point)
                     self.writer.later(partial(store.write_checkpoint, self.store, self.run_id, point.cycle - 1, blob))
                 break
@@ -342,10 +342,10 @@ class _Run:
         stopped = self.stop.is_set()  # read once: the last cycle has a checkpoint
         blob = None
         with watch("checkpoint"):
-            if stopped or self.pace.is_due(number, self.writer.is_idle):
+            if stopped or self.schedule.is_due(number, self.writer.is_idle):
                 begun_s = time.perf_counter()
                 blob = self.saved(after)
-                self.pace.note(number, len(blob), time.perf_counter() - begun_s)
+                self.schedule.note(number, len(blob), time.perf_counter() - begun_s)
         warning = self.writer.wait_for_room()
         counts = (
             store.cycle_counts(cycle, reports) if number > first else {}

@@ -59,7 +59,7 @@ def bounded(skipped: list[SkippedCycle]) -> tuple[list[SkippedCycle], int]:
     Names are those of the newest cycle, one a vessel. Returns: they, and how many events and names were forgotten.
     """
     events = forgotten = 0
-    out: list[SkippedCycle] = []
+    cycles: list[SkippedCycle] = []
     for age, one in enumerate(reversed(skipped)):
         kept = replace(one, statics=AisStatics.empty())
         events += len(one.events)
@@ -68,15 +68,15 @@ def bounded(skipped: list[SkippedCycle]) -> tuple[list[SkippedCycle], int]:
             kept = replace(kept, events=EventChanges.empty())
         if age >= MOST_MESSAGES and one.for_centres.message is not None:
             kept = replace(kept, for_centres=ForCentres(None, one.for_centres.intake))
-        if age >= MOST_COUNTED and out and _is_bare(kept) and _is_bare(out[-1]):
-            out[-1] = Counted.together(kept, out[-1])
+        if age >= MOST_COUNTED and cycles and _is_bare(kept) and _is_bare(cycles[-1]):
+            cycles[-1] = Counted.together(kept, cycles[-1])
         else:
-            out.append(kept)
-    if out:
+            cycles.append(kept)
+    if cycles:
         names = newest_names([one.statics for one in skipped])
         forgotten += max(len(names) - MOST_NAMED, 0)
-        out[0] = replace(out[0], statics=names.take(np.arange(len(names))[-MOST_NAMED:]))
-    return out[::-1], forgotten
+        cycles[0] = replace(cycles[0], statics=names.take(np.arange(len(names))[-MOST_NAMED:]))
+    return cycles[::-1], forgotten
 
 
 def newest_names(parts: list[AisStatics]) -> AisStatics:
@@ -86,8 +86,8 @@ def newest_names(parts: list[AisStatics]) -> AisStatics:
     """
     every = AisStatics.join(parts)
     numbers, texts = (every.ship_type >= 0, ~np.isnan(every.length_m), ~np.isnan(every.beam_m)), (every.name, every.call_sign)
-    given = np.array([*numbers, *(text != "" for text in texts)])
-    pattern = (given.T * (1 << np.arange(len(given)))).sum(axis=1)
+    is_stated = np.array([*numbers, *(text != "" for text in texts)])
+    pattern = (is_stated.T * (1 << np.arange(len(is_stated)))).sum(axis=1)
     backwards = np.lexsort((-np.arange(len(every)), pattern, every.mmsi))
     first = np.append(True, (np.diff(every.mmsi[backwards]) != 0) | (np.diff(pattern[backwards]) != 0))[: len(every)]
     return every.take(np.sort(backwards[first]))

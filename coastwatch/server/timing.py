@@ -56,13 +56,13 @@ class Stopwatch:
     def summary(self) -> dict[str, dict[str, float]]:
         """For each stage median and p99 of the newest cycles, total seconds, and its share of the total of all stages."""
         everything = sum(self.totals_s.values())
-        out = {}
+        figures = {}
         for stage, values in self.seconds.items():
             ordered = sorted(values)
-            out[stage] = {
+            figures[stage] = {
                 "median": statistics.median(ordered),
                 "p99": ordered[min(int(0.99 * len(ordered)), len(ordered) - 1)],
                 "total": self.totals_s[stage],
                 "share": self.totals_s[stage] / everything if everything > 0.0 else 0.0,
             }
-        return out
+        return figures

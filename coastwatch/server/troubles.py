@@ -24,14 +24,14 @@ class Trouble(NamedTuple):
 def of_feeds(feeds: Sequence[FeedState], now_s: float) -> list[Trouble]:
     """Feeds that are silent, or that say what is wrong with them. It is serious where all are silent."""
     dead = [feed for feed in feeds if feed["silent_s"] > SILENT_S]
-    out = []
+    troubles = []
     if dead and len(dead) == len(feeds):
         heard_s = min(feed["silent_s"] for feed in dead)
-        out.append(Trouble("feed", "", now_s - heard_s, f"no feed has been heard for {heard_s:.0f} s", True))
+        troubles.append(Trouble("feed", "", now_s - heard_s, f"no feed has been heard for {heard_s:.0f} s", True))
     for feed in dead:
         silent_s, error = feed["silent_s"], feed["error"]
-        said = f"nothing has come for {silent_s:.0f} s" + (f": {error}" if error else "")
-        out.append(Trouble("feed", feed["name"], now_s - silent_s, said, False))
+        text = f"nothing has come for {silent_s:.0f} s" + (f": {error}" if error else "")
+        troubles.append(Trouble("feed", feed["name"], now_s - silent_s, text, False))
     for feed in feeds:
-        out += [Trouble("feed", feed["name"], None, said, False) for said in feed.get("troubles", ())]
-    return out
+        troubles += [Trouble("feed", feed["name"], None, text, False) for text in feed.get("troubles", ())]
+    return troubles

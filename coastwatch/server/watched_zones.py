@@ -62,6 +62,6 @@ def readable(stored: Sequence[StoredZone]) -> tuple[list[Numbered], list[Refused
         try:
             drawn.append((one.number, Zone.model_validate(one.definition)))
         except ValidationError as error:
-            said = f"zone {one.number} is not watched: {'; '.join(refusals(error, Zone))}"
-            refused.append((str(one.definition.get("name", one.number)), said))
+            refusal = f"zone {one.number} is not watched: {'; '.join(refusals(error, Zone))}"
+            refused.append((str(one.definition.get("name", one.number)), refusal))
     return drawn, refused

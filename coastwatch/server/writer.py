@@ -81,9 +81,9 @@ class Writer(Generic[T]):
                 unfinished[-1 - self._behind].exception()  # jobs finish in order
         if not self._jobs[0].done():
             return None
-        made, seconds = self._jobs.popleft().result()
+        result, seconds = self._jobs.popleft().result()
         self._watch.late(STAGE, seconds)
-        return made
+        return result
 
     def start(self, job: Callable[[], T]) -> None:
         """Start a job after those before it; none is run after one that failed. Raises: its error, if it does not run in a thread."""
@@ -98,9 +98,9 @@ class Writer(Generic[T]):
         if self._failed:
             raise RuntimeError("not run, because a job before it failed")
         self._failed, started = True, time.perf_counter()
-        made = job()
+        result = job()
         self._failed = False
-        return made, time.perf_counter() - started
+        return result, time.perf_counter() - started
 
 
 class BatchWriter:

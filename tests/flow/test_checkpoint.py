@@ -22,7 +22,7 @@ from coastwatch.operators.cli import main
 from coastwatch.registration.information import Estimate
 from coastwatch.scenario import load_scenario
 from coastwatch.scenario.model import StoreSettings
-from coastwatch.server.checkpoint import CheckpointError, Pace, load, save
+from coastwatch.server.checkpoint import CheckpointError, CheckpointSchedule, load, save
 from coastwatch.stage import NoMemory, serial
 
 pytestmark = pytest.mark.contract
@@ -244,12 +244,12 @@ def test_a_run_does_not_resume_from_it(kind: str, reason: str, tmp_path: Path, c
     assert main([*command, "--restart"]) == 0
 
 
-def cycles_saved(pace: Pace, size: int, seconds: float, busy: tuple[int, ...] = ()) -> list[int]:
+def cycles_saved(schedule: CheckpointSchedule, size: int, seconds: float, busy: tuple[int, ...] = ()) -> list[int]:
     """After which of 40 cycles a run saves, if each checkpoint has this size and takes so long. Args: busy: cycles with a busy writer."""
     found = []
     for cycle in range(40):
-        if pace.is_due(cycle, cycle not in busy):
-            pace.note(cycle, size, seconds)
+        if schedule.is_due(cycle, cycle not in busy):
+            schedule.note(cycle, size, seconds)
             found.append(cycle)
     return found
 
@@ -257,9 +257,9 @@ def cycles_saved(pace: Pace, size: int, seconds: float, busy: tuple[int, ...] = 
 def test_a_live_run_saves_as_often_as_clock_and_disk_allow_and_never_less_than_any_run() -> None:
     keep = StoreSettings(checkpoint_every=10, checkpoint_mb_s=32.0)
     usual = [0, 9, 19, 29, 39]
-    assert cycles_saved(Pace(keep), 1, 0.0) == usual
-    assert cycles_saved(Pace(keep, 3.0), 96_000_000, 0.3) == list(range(40))
-    assert cycles_saved(Pace(keep, 3.0), 96_000_001, 0.0) == [*range(0, 9, 2), *range(9, 40, 2)]
-    assert cycles_saved(Pace(keep, 3.0), 1, 0.85)[:5] == [0, 3, 6, 9, 12]
-    assert cycles_saved(Pace(keep, 3.0), 2_000_000_000, 2.0) == usual
-    assert cycles_saved(Pace(keep, 3.0), 1, 0.0, busy=(4, 5, 9)) == [k for k in range(40) if k not in (4, 5)]
+    assert cycles_saved(CheckpointSchedule(keep), 1, 0.0) == usual
+    assert cycles_saved(CheckpointSchedule(keep, 3.0), 96_000_000, 0.3) == list(range(40))
+    assert cycles_saved(CheckpointSchedule(keep, 3.0), 96_000_001, 0.0) == [*range(0, 9, 2), *range(9, 40, 2)]
+    assert cycles_saved(CheckpointSchedule(keep, 3.0), 1, 0.85)[:5] == [0, 3, 6, 9, 12]
+    assert cycles_saved(CheckpointSchedule(keep, 3.0), 2_000_000_000, 2.0) == usual
+    assert cycles_saved(CheckpointSchedule(keep, 3.0), 1, 0.0, busy=(4, 5, 9)) == [k for k in range(40) if k not in (4, 5)]

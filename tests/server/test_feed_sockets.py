@@ -95,7 +95,7 @@ def test_an_inbox_is_bounded_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not inbox.is_full
     inbox.put([b"x" * 60_000], 60_000, 0)
     assert inbox.is_full
-    assert len(inbox.taken(100)) == 18
+    assert len(inbox.pop_first(100)) == 18
     assert not inbox.is_full
 
 

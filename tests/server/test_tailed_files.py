@@ -37,13 +37,13 @@ async def follow(folder: Path, write: Callable[[Path, int], bool]) -> list[bytes
             if number % 3 == 0 or len(list(folder.iterdir())) != files or inbox.connections < 1:
                 await quiet(inbox)  # a file that is replaced twice between two looks was never seen
             files = len(list(folder.iterdir()))
-            out += inbox.taken(1000)
+            out += inbox.pop_first(1000)
         await quiet(inbox)
         await asyncio.sleep(0.05)
         await quiet(inbox)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-    return [line for _, line, _ in [*out, *inbox.taken(1000)]]
+    return [line for _, line, _ in [*out, *inbox.pop_first(1000)]]
 
 
 async def quiet(inbox: Inbox) -> None:

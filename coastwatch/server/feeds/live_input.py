@@ -33,7 +33,7 @@ from coastwatch.stage import Plan
 from coastwatch.store import Intake
 
 Clock = Literal["wall", "feeds"]
-LOOK_S = 0.05
+POLL_S = 0.05
 SILENT_S = 5.0
 """With the clock of the feeds: a feed from which nothing has come for so long is not waited for."""
 
@@ -88,17 +88,17 @@ class _Feed:
 
     def troubles(self) -> list[str]:
         """What is wrong with what it sends."""
-        out, ahead_s = [], self.decoder.stamps.ahead_s
+        sentences, ahead_s = [], self.decoder.stamps.ahead_s
         if self.decoder.checked and abs(ahead_s) > FAR_AHEAD_S:
-            said = f"its clock is {abs(ahead_s):.0f} s {'ahead' if ahead_s > 0.0 else 'behind'}"
-            out.append(said + (": the time of arrival is taken" if ahead_s > 0.0 else ""))
+            sentence = f"its clock is {abs(ahead_s):.0f} s {'ahead' if ahead_s > 0.0 else 'behind'}"
+            sentences.append(sentence + (": the time of arrival is taken" if ahead_s > 0.0 else ""))
         looks = list(self._looks)
         if looks:
             used, thrown = (looks[-1][k] - looks[0][k] for k in (1, 2))
             if thrown >= LEAST_THROWN and thrown > THROWN_SHARE * (thrown + used):
-                said = f"{thrown} of {thrown + used} reports of the last minute were thrown away"
-                out.append(f"{said}: they came after their cycle, or are from before the run began")
-        return out
+                sentence = f"{thrown} of {thrown + used} reports of the last minute were thrown away"
+                sentences.append(f"{sentence}: they came after their cycle, or are from before the run began")
+        return sentences
 
     def counters(self) -> FeedState:
         """Its state for operators."""
@@ -207,7 +207,7 @@ class LiveInput:
                 of_feeds = sum(feed.inbox.received for feed in self._feeds)
                 if self._regions or of_feeds >= BEGIN_RECORDS or time.monotonic() - before_s > BEGIN_S:
                     return
-            stop.wait(LOOK_S)
+            stop.wait(POLL_S)
 
     def due_s(self, until_s: float) -> float:
         """As `Input.due_s`."""
@@ -223,7 +223,7 @@ class LiveInput:
             left_s = self.due_s(until_s) - now_s()
             if (self._clock == "wall" and left_s <= 0.0) or (self._clock == "feeds" and self._have_passed(until_s)):
                 return True
-            stop.wait(min(max(left_s, 0.001), LOOK_S) if self._clock == "wall" else LOOK_S)
+            stop.wait(min(max(left_s, 0.001), POLL_S) if self._clock == "wall" else POLL_S)
         return False
 
     def _adopt_clock(self) -> None:
@@ -254,12 +254,12 @@ class LiveInput:
 
     def faults(self) -> tuple[Fault, ...]:
         """As `ReportStream.faults`, with what was late or dropped."""
-        found = [fault for feed in self._feeds for fault in feed.decoder.tally.faults()]
+        faults = [fault for feed in self._feeds for fault in feed.decoder.tally.faults()]
         for feed in self._feeds:
             counts = feed.decoder.counts
             counted = (LATE, counts.late), (BEFORE_RUN, counts.before_run), (DROPPED, feed.inbox.dropped + counts.dropped)
-            found += [Fault(kind, count, feed.inbox.address.name, "") for kind, count in counted if count]
-        return (*found, *(fault for region in self._regions for fault in region.faults()))
+            faults += [Fault(kind, count, feed.inbox.address.name, "") for kind, count in counted if count]
+        return (*faults, *(fault for region in self._regions for fault in region.faults()))
 
     def contents(self) -> tuple[FileContent, ...]:
         """As `ReportStream.contents`: there are no files."""
@@ -293,7 +293,7 @@ class LiveInput:
             for feed in sorted(self._feeds, key=lambda feed: not feed.decoder.has_dates):
                 if self._clock == "feeds" and feed.decoder.stamps.newest_s > until_s + self._lateness_s + AHEAD_OF_CYCLE_S:
                     continue
-                feed.items = feed.items or feed.inbox.taken(PART)
+                feed.items = feed.items or feed.inbox.pop_first(PART)
                 if feed.items and not self._waits_for_a_date(feed, about_s):
                     decoded += len(feed.items)
                     feed.decode(about_s if self._clock == "feeds" and math.isfinite(about_s) else None)

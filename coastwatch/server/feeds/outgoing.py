@@ -57,8 +57,8 @@ def parsed_out(text: str) -> OutAddress:
         site = tuple(float(part) for part in options["site"].split(",")) if "site" in options else None
     except ValueError:
         port, rate, site = 0, 0.0, None
-    known = format_ in PICTURES and transport in TRANSPORTS and set(options) <= {"rate", "site"}
-    if not known or not parts.hostname or not port or not 0.1 <= rate <= 1e5:
+    is_usable = format_ in PICTURES and transport in TRANSPORTS and set(options) <= {"rate", "site"}
+    if not is_usable or not parts.hostname or not port or not 0.1 <= rate <= 1e5:
         raise AddressError(
             f"out: got {text!r}, needed FORMAT+TRANSPORT://HOST:PORT with FORMAT one of {', '.join(PICTURES)}, TRANSPORT udp or tcp, and "
             f"rate=N behind '?' from 0.1 to 100000 messages a second, e.g. {EXAMPLES}"
@@ -166,12 +166,12 @@ def _connection(address: OutAddress) -> socket.socket:
     if address.transport == "tcp":
         return socket.create_connection((address.host, address.port), timeout=CONNECT_S)
     family, kind, proto, _, where = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)[0]
-    made = socket.socket(family, kind, proto)
+    connection = socket.socket(family, kind, proto)
     try:
         if family == socket.AF_INET and ipaddress.ip_address(where[0]).is_multicast:
-            made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 1)
-        made.connect(where)
+            connection.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 1)
+        connection.connect(where)
     except OSError:
-        made.close()
+        connection.close()
         raise
-    return made
+    return connection

@@ -89,9 +89,13 @@ def of_scenario(scenario: Scenario, sensors: Sensors, formats: Collection[str], 
 
 def _kinds(formats: Collection[str]) -> dict[str, list[str]]:
     """The kinds of reports that each format carries: a kind that several could carry goes by the one that carries least else."""
-    found = {name: FORMATS[name].encodes for name in formats}
-    least = {kind: min(len(own) for own in found.values() if kind in own) for kinds in found.values() for kind in kinds}
-    return {name: [kind for kind in kinds if len(kinds) == least[kind]] for name, kinds in found.items()}
+    encoded_kinds = {name: FORMATS[name].encodes for name in formats}
+    least = {
+        kind: min(len(own) for own in encoded_kinds.values() if kind in own)
+        for kinds in encoded_kinds.values()
+        for kind in kinds
+    }
+    return {name: [kind for kind in kinds if len(kinds) == least[kind]] for name, kinds in encoded_kinds.items()}
 
 
 def _encoded(kinds: dict[str, list[str]], names: SensorNames, reports: Reports, address: Address) -> list[bytes]:
@@ -110,8 +114,8 @@ def of_file(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
         return
     name = next((name for name in formats if FORMATS[name].stamps is not None), "")
     if not name or (stamps := FORMATS[name].stamps) is None:
-        known = " or ".join(name for name, one in FORMATS.items() if one.stamps is not None)
-        raise InputError(f"feed: got {path} for {', '.join(formats)}, needed a feed of {known}, or a capture (PCAP)")
+        with_stamps = " or ".join(name for name, one in FORMATS.items() if one.stamps is not None)
+        raise InputError(f"feed: got {path} for {', '.join(formats)}, needed a feed of {with_stamps}, or a capture (PCAP)")
     lines = [line.rstrip(b"\r\n") for line in lines_of(path, Tally())]
     begin, time_s = 0, -math.inf
     for number, stamp_s in stamps(lines):
@@ -161,9 +165,9 @@ class _Stream(Link):
             raise OSError(f"{address.text}: {self.error}")
 
     def send(self, items: list[bytes]) -> None:
-        if items and (found := self._socket) is not None:
+        if items and (connection := self._socket) is not None:
             try:
-                found.sendall(b"\r\n".join([*items, b""]))
+                connection.sendall(b"\r\n".join([*items, b""]))
             except OSError:
                 self._socket = None
                 self._broken.set()
@@ -195,8 +199,8 @@ class _File:
 
 def _opened(address: Address, stack: ExitStack) -> Sender:
     if address.transport in MQTT_PORTS or FORMATS[address.format].encode is None:
-        known = " or ".join(", ".join(name for name, one in FORMATS.items() if one.encode).rsplit(", ", 1))
-        raise AddressError(f"feed: got {address.text!r}, needed a feed of {known} that is not MQTT, to send to it")
+        encoders = " or ".join(", ".join(name for name, one in FORMATS.items() if one.encode).rsplit(", ", 1))
+        raise AddressError(f"feed: got {address.text!r}, needed a feed of {encoders} that is not MQTT, to send to it")
     if address.transport == "udp":
         return _Datagrams(address, stack)
     return _File(address, stack) if address.transport == "file" else _Stream(address, stack)
@@ -208,10 +212,10 @@ def _connection(address: Address) -> socket.socket:
         with socket.create_server((address.host, address.port)) as server:
             server.settimeout(LISTEN_S)
             try:
-                made = server.accept()[0]
+                connection = server.accept()[0]
             except TimeoutError as error:
                 raise OSError(f"nobody has connected in {CONNECT_S:.0f} s") from error
     else:
-        made = socket.create_connection((address.host, address.port), timeout=LISTEN_S)
-    made.settimeout(CONNECT_S)  # of each sending
-    return made
+        connection = socket.create_connection((address.host, address.port), timeout=LISTEN_S)
+    connection.settimeout(CONNECT_S)  # of each sending
+    return connection

@@ -90,14 +90,14 @@ class Inbox(Link):
         self._put_bytes += sum(map(len, lines))
         self._items.extend((at_s, line, sender) for line in lines)
 
-    def taken(self, most: int) -> list[Item]:
+    def pop_first(self, most: int) -> list[Item]:
         """The first of what waits, in order of arrival."""
-        out: list[Item] = []
+        items: list[Item] = []
         with suppress(IndexError):
-            while len(out) < most:
-                out.append(self._items.popleft())
-        self._taken_bytes += sum(len(line) for _, line, _ in out)
-        return out
+            while len(items) < most:
+                items.append(self._items.popleft())
+        self._taken_bytes += sum(len(line) for _, line, _ in items)
+        return items
 
 
 class Receiver:
@@ -169,10 +169,10 @@ async def _opened(inbox: Inbox) -> asyncio.AbstractServer | asyncio.BaseTranspor
         raise OSError(f"feed {address.text}: {reason_of(error)}") from error
     except UnicodeError as error:
         raise OSError(f"feed {address.text}: got {address.host!r}, which is no name of a machine: {error}") from error
-    found = transport.get_extra_info("socket")
+    receiver = transport.get_extra_info("socket")
     with suppress(OSError):
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_BUFFER)
-    inbox.port, inbox.connected = found.getsockname()[1], 1
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_BUFFER)
+    inbox.port, inbox.connected = receiver.getsockname()[1], 1
     return transport
 
 
@@ -267,28 +267,28 @@ class GrowingFile:
     def __init__(self, path: Path, sender: int, at_start: bool) -> None:
         """Args: sender: number of who sends its lines; at_start: read it from its beginning, else from its end on. Raises: OSError."""
         self._file = os.open(path, os.O_RDONLY)
-        found = os.fstat(self._file)
-        self.identity = found.st_dev, found.st_ino
+        status = os.fstat(self._file)
+        self.identity = status.st_dev, status.st_ino
         self.sender = sender
         self.rest = b""  # the beginning of a line whose end has not come
         self.grown_s = 0.0  # when something came last, by any clock
-        self._position = 0 if at_start else found.st_size
+        self._position = 0 if at_start else status.st_size
         self._looked: tuple[int, int] | None = None  # size and time of modification at the last look
         self._mark = self._before()
 
     def is_emptied(self) -> bool:
         """Whether the file was emptied since the last look. Then it is read from its beginning. Raises: OSError."""
-        found = os.fstat(self._file)
-        looked = found.st_size, found.st_mtime_ns
+        status = os.fstat(self._file)
+        looked = status.st_size, status.st_mtime_ns
         if looked == self._looked:
             return False
-        emptied = found.st_size < self._position or self._before() != self._mark
+        emptied = status.st_size < self._position or self._before() != self._mark
         self._looked = looked
         if emptied:
             self._position, self._mark = 0, b""
         return emptied
 
-    def more(self, most: int) -> bytes:
+    def read_added(self, most: int) -> bytes:
         """What was added, up to so many bytes. Raises: OSError."""
         data = os.pread(self._file, most, self._position)
         if data:
@@ -315,8 +315,8 @@ async def _tailed(inbox: Inbox) -> None:
     try:
         while True:
             try:
-                found = os.stat(path)
-                if not files or files[-1].identity != (found.st_dev, found.st_ino):
+                status = os.stat(path)
+                if not files or files[-1].identity != (status.st_dev, status.st_ino):
                     files.append(GrowingFile(path, inbox.new_sender(), at_start or bool(files)))
                     inbox.connections += 1
                 inbox.connected, inbox.error = 1, None
@@ -324,7 +324,7 @@ async def _tailed(inbox: Inbox) -> None:
                 inbox.connected, inbox.error = 0, str(error.strerror or error)
                 at_start = True  # a file that comes is read whole
             try:
-                while any(_taken(file, inbox, loop.time()) for file in files):
+                while any(_read_added(file, inbox, loop.time()) for file in files):
                     await asyncio.sleep(0)
             except OSError as error:
                 inbox.connected, inbox.error = 0, str(error.strerror or error)
@@ -339,7 +339,7 @@ async def _tailed(inbox: Inbox) -> None:
             file.close()
 
 
-def _taken(file: GrowingFile, inbox: Inbox, at_s: float) -> bool:
+def _read_added(file: GrowingFile, inbox: Inbox, at_s: float) -> bool:
     """Whether something was added to a file: it is in the inbox then. A full inbox waits. Args: at_s: now. Raises: OSError."""
     if inbox.is_full:
         return False
@@ -347,7 +347,7 @@ def _taken(file: GrowingFile, inbox: Inbox, at_s: float) -> bool:
         _put_rest(file, inbox)
         file.sender = inbox.new_sender()
         inbox.connections += 1
-    data = file.more(16 * READ_BYTES)
+    data = file.read_added(16 * READ_BYTES)
     file.rest = _put_lines(inbox, file.rest + data, len(data), file.sender)
     file.grown_s = at_s if data or not file.grown_s else file.grown_s
     return bool(data)

@@ -196,5 +196,5 @@ def _reason(error: Exception) -> str | None:
     if isinstance(error, ConnectionClosed):
         code = error.rcvd.code if error.rcvd else 1006
         return f"the region closed the connection: {CLOSED.get(code) or (error.rcvd and error.rcvd.reason) or code}"
-    known = isinstance(error, MessageError | OSError | InvalidHandshake | InvalidURI | TimeoutError)
-    return str(error) if known else None
+    is_expected = isinstance(error, MessageError | OSError | InvalidHandshake | InvalidURI | TimeoutError)
+    return str(error) if is_expected else None

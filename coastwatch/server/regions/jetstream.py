@@ -42,7 +42,7 @@ PART = "Coastwatch-Part"
 """Header of a message: the number of its part from 1 on, and how many parts the cycle has, `2/3`."""
 
 HEADERS_BYTES = 4096  # of a message, kept free of its cycle
-LOOK_S = 0.5  # how long it is waited for a message before the end of the run is looked for
+POLL_S = 0.5  # how long it is waited for a message before the end of the run is looked for
 TOGETHER = 8  # messages that are asked for at once
 SHORTEST_S = 60.0  # for which a stream keeps a cycle
 FORGOTTEN_S = 300.0  # after which the server forgets a centre that asks for nothing
@@ -143,15 +143,15 @@ class Subscription(Connection):
             begun = begin is not None
             while not self._ended.is_set():
                 if len(self._waiting) >= IN_FLIGHT:
-                    await asyncio.sleep(LOOK_S / 10.0)
+                    await asyncio.sleep(POLL_S / 10.0)
                     continue
                 try:
-                    found = await messages.fetch(TOGETHER, timeout=LOOK_S)
+                    fetched = await messages.fetch(TOGETHER, timeout=POLL_S)
                 except NothingCame:
                     if not client.is_connected:
                         raise OSError("the connection is lost") from None
                     continue
-                for message in found:
+                for message in fetched:
                     begun = self._received(message, begun, newest)
 
     async def _first(self, stream: JetStreamContext) -> tuple[int | None, str]:
@@ -174,8 +174,8 @@ class Subscription(Connection):
         """
         try:
             position, (number, count) = position_of(message.subject), part_of(message.headers)
-            known = position.run == self.incoming.position.run
-            if not (begun or known or newest in ("", position.run)):
+            is_same_run = position.run == self.incoming.position.run
+            if not (begun or is_same_run or newest in ("", position.run)):
                 return False
             self._parts = [*self._parts, message.data] if number == len(self._parts) + 1 else [message.data][: number == 1]
             if len(self._parts) < count or number < count:
@@ -186,7 +186,7 @@ class Subscription(Connection):
         except MessageError as error:
             self.refused, self.error, self._parts = self.refused + 1, str(error), []
             return begun
-        if not (begun or known or cycle.time_s > self.from_s):
+        if not (begun or is_same_run or cycle.time_s > self.from_s):
             return False
         self.moved(len(message.data) * count)
         if self.incoming.received(position, cycle.merged):
@@ -238,14 +238,14 @@ class Journal(Link):
                 self.opened()
                 while not self._ended.is_set():
                     wake.clear()
-                    found = await asyncio.to_thread(self.publisher.after, position, IN_FLIGHT, 0.0)
-                    for cycle, message in found:
+                    cycles = await asyncio.to_thread(self.publisher.after, position, IN_FLIGHT, 0.0)
+                    for cycle, message in cycles:
                         await self._put(stream, cycle, message, client.max_payload - HEADERS_BYTES)
                         self.missing += cycle.seq - 1 - position.seq if cycle.run == position.run else 0
                         position = cycle
-                    if not found:
+                    if not cycles:
                         with suppress(asyncio.TimeoutError):
-                            await asyncio.wait_for(wake.wait(), LOOK_S)
+                            await asyncio.wait_for(wake.wait(), POLL_S)
                         if not client.is_connected:
                             raise OSError("the connection is lost")
         finally:
@@ -279,5 +279,5 @@ class Journal(Link):
 
 def _reason(error: Exception) -> str | None:
     """Why a journal is not connected; None: a defect."""
-    known = isinstance(error, Error | MessageError | OSError | StoreError)
-    return (str(error) or type(error).__name__) if known else None
+    is_expected = isinstance(error, Error | MessageError | OSError | StoreError)
+    return (str(error) or type(error).__name__) if is_expected else None

@@ -77,11 +77,11 @@ def radar_tracks(tracks: Tracks, of_regions: Bools) -> RegionTracks:
 
 def encode(cycle: RegionCycle) -> bytes:
     """The bytes of a cycle."""
-    out = io.BytesIO()
+    file = io.BytesIO()
     head: dict[str, Any] = {"run": np.array(cycle.run), "seq": np.int64(cycle.seq), "time_s": np.float64(cycle.time_s)}
     head["merged"] = np.int64(cycle.merged)
-    np.savez(out, **head, **{f.name: getattr(cycle.tracks, f.name) for f in fields(RegionTracks)})
-    return out.getvalue()
+    np.savez(file, **head, **{f.name: getattr(cycle.tracks, f.name) for f in fields(RegionTracks)})
+    return file.getvalue()
 
 
 def decode(data: bytes) -> RegionCycle:
@@ -93,14 +93,14 @@ def decode(data: bytes) -> RegionCycle:
         if size > LARGEST_MESSAGE:
             raise MessageError(f"got {size} bytes of arrays, needed at most {LARGEST_MESSAGE}")
         with np.load(io.BytesIO(data)) as file:  # numpy refuses arrays of objects by default
-            found = {name: file[name] for name in wanted if name in file.files}
-        run, seq, time_s = str(found["run"][()]), int(found["seq"]), float(found["time_s"])
-        merged = int(found.get("merged", 0))  # a region of an older version merges none
-        tracks = RegionTracks(**{f.name: found[f.name] for f in fields(RegionTracks)})
+            arrays = {name: file[name] for name in wanted if name in file.files}
+        run, seq, time_s = str(arrays["run"][()]), int(arrays["seq"]), float(arrays["time_s"])
+        merged = int(arrays.get("merged", 0))  # a region of an older version merges none
+        tracks = RegionTracks(**{f.name: arrays[f.name] for f in fields(RegionTracks)})
     except Exception as error:  # whatever zipfile and numpy raise on damaged bytes
         raise MessageError(f"damaged cycle of tracks: {type(error).__name__}: {error}") from error
     run_number(run)
     if seq < 1 or not 0 <= merged < seq or not np.isfinite(time_s):
-        said = f"got seq {seq}, {merged} merged and time {time_s}, needed 1 or more, fewer and a finite time"
-        raise MessageError(f"cycle of tracks: {said}")
+        refusal = f"got seq {seq}, {merged} merged and time {time_s}, needed 1 or more, fewer and a finite time"
+        raise MessageError(f"cycle of tracks: {refusal}")
     return RegionCycle(run, seq, time_s, tracks, merged)

@@ -51,15 +51,15 @@ class Publisher:
         """
         with self._lock:
             newest = list(self._newest)
-        at = next((k for k, (known, _) in enumerate(newest) if known == position), None)
+        at = next((k for k, (sent, _) in enumerate(newest) if sent == position), None)
         if at is not None:
             return newest[at + 1 : at + 1 + count]
         run_id = self._known_run(position)
         if run_id is None:
-            found = store.journal_start(self._store, from_s)
-            if found is None:
+            start = store.journal_start(self._store, from_s)
+            if start is None:
                 return []
-            run_id, cycle = found
+            run_id, cycle = start
         else:
             cycle = position.seq - 1
         rows = store.journal_after(self._store, run_id, cycle, count)

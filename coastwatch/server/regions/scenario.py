@@ -27,6 +27,6 @@ def with_track_sources(scenario: Scenario, names: Sequence[str], patience_s: flo
     if twice:
         count = list(names).count(twice[0])
         raise ScenarioError(f"track source: got the name {twice[0]!r} {count} times, needed each once: name=NAME")
-    known = {source.name for source in scenario.track_sources}
-    added = tuple(TrackSource(name=name, patience_s=patience_s) for name in names if name not in known)
+    present = {source.name for source in scenario.track_sources}
+    added = tuple(TrackSource(name=name, patience_s=patience_s) for name in names if name not in present)
     return scenario.model_copy(update={"track_sources": (*scenario.track_sources, *added)})
