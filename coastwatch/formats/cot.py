@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from xml.sax.saxutils import quoteattr
 
-from coastwatch.formats.format import Format, OutSettings, Vessels
+from coastwatch.formats.format import Format, Vessels
 from coastwatch.geodesy import NAUTICAL_MILE_M
 
 STALE_CYCLES = 3
@@ -41,8 +41,4 @@ def _iso(time_s: float) -> str:
     return datetime.fromtimestamp(time_s, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
 
 
-def _pictures(to: OutSettings) -> CursorOnTarget:
-    return CursorOnTarget()
-
-
-COT = Format("cot", pictures=_pictures)
+COT = Format("cot", pictures=lambda to: CursorOnTarget())

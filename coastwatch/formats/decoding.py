@@ -70,10 +70,10 @@ class Counts:
         """Which reports are of no cycle any more; they are counted. Args: time_s: (M,); after_s: where the cycle begins. (M,)"""
         if self._began_s is None:
             self._began_s = after_s
-        found, before = np.asarray(time_s <= after_s), int((time_s <= self._began_s).sum())
+        is_late, before = np.asarray(time_s <= after_s), int((time_s <= self._began_s).sum())
         self.before_run += before
-        self.late += int(found.sum()) - before
-        return found
+        self.late += int(is_late.sum()) - before
+        return is_late
 
 
 class Span(Protocol):
@@ -130,7 +130,7 @@ class Decoder(Protocol):
         """The times of its reports so far."""
         ...
 
-    def take(self, items: list[Item], reference_s: float | None) -> None:
+    def decode(self, items: list[Item], reference_s: float | None) -> None:
         """Decode what has come. Args: reference_s: about now, for times of day; None: as each item came."""
         ...
 
@@ -139,24 +139,27 @@ class Decoder(Protocol):
         """Whether its times need no date of another feed."""
         ...
 
-    def cut(self, after_s: float, until_s: float) -> Reports:
-        """As `Cut`."""
+    def reports_between(self, after_s: float, until_s: float) -> Reports:
+        """As `ReportsBetween`."""
         ...
 
 
-Cut = Callable[[float, float], Reports]
+ReportsBetween = Callable[[float, float], Reports]
 """(after_s, until_s) -> the reports with after_s < time <= until_s, in an order that does not depend on their arrival. Older ones are
 counted and dropped: late, or of before the run."""
 
 
 def decode(decoder: Decoder, name: str, items: list[Item], reference_s: float | None) -> None:
-    """Decode what has come. Whatever a decoder raises, the other lines are used. Args: name: of the feed; reference_s: as of `take`."""
+    """Decode what has come. Whatever a decoder raises, the other lines are used.
+
+    Args: name: of the feed; reference_s: as of `Decoder.decode`.
+    """
     try:
-        decoder.take(items, reference_s)
+        decoder.decode(items, reference_s)
     except Exception:
         for item in items:
             try:
-                decoder.take([item], reference_s)
+                decoder.decode([item], reference_s)
             except Exception as error:
                 decoder.tally.add(BROKEN, name, f"{type(error).__name__}: {error}")
 
@@ -177,8 +180,8 @@ class Waiting:
 
     def add(self, batch: Any) -> None:
         """Keep the reports within bounds until they are asked for."""
-        kept, found = limits.within(batch, limits.KINDS[self._kind](batch))
-        for kind, mask in found.items():
+        kept, beyond = limits.within(batch, limits.KINDS[self._kind](batch))
+        for kind, mask in beyond.items():
             self._tally.add(limits.BEYOND + kind, "live", count=int(mask.sum()))
         if len(kept):
             self._parts.append(kept)
@@ -193,23 +196,23 @@ class Waiting:
         self._counts.dropped += len(every) - len(stay)
         self._parts, self.rows = [every.take(stay)], len(stay)
 
-    def cut(self, after_s: float, until_s: float) -> Any:
+    def reports_between(self, after_s: float, until_s: float) -> Any:
         """The reports of a span, each once, sorted by time and content. Older ones are counted."""
         every = self._kind.join(self._parts)
         keep = every.received_s > until_s
         self._parts, self.rows = [every.take(keep)] if keep.any() else [], int(keep.sum())
-        found = every.take(~keep & ~self._counts.outdated(every.received_s, after_s))
-        keys = [getattr(found, name) for name in self._order]
+        reports = every.take(~keep & ~self._counts.outdated(every.received_s, after_s))
+        keys = [getattr(reports, name) for name in self._order]
         keys = [column for key in keys for column in (key.T if key.ndim > 1 else [key])]
-        order = np.lexsort((*keys[::-1], found.received_s))
+        order = np.lexsort((*keys[::-1], reports.received_s))
         twice = np.zeros(len(order), np.bool_)
-        same = np.diff(found.received_s[order]) == 0.0
+        same = np.diff(reports.received_s[order]) == 0.0
         for key in keys:
             same &= key[order[1:]] == key[order[:-1]]
         twice[1:] = same
         self._counts.records += int((~twice).sum())
         self._counts.repeated += int(twice.sum())
-        return found.take(order[~twice])
+        return reports.take(order[~twice])
 
 
 class Stamps:

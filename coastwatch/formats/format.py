@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from coastwatch.batches import Array, Floats, Ints, Reports, Sensors
-from coastwatch.formats.decoding import Cut, Decoder, FeedSettings
+from coastwatch.formats.decoding import Decoder, FeedSettings, ReportsBetween
 
 SensorNames = Mapping[str, Array]
 """The names of radars under "plot", and of sonars under "bearing"."""
@@ -47,9 +47,9 @@ class OutSettings:
     site_deg: tuple[float, float] | None = None  # from which range and bearing are
 
 
-def _cuts(decoders: Sequence[Decoder]) -> list[Cut]:
+def _report_sources(decoders: Sequence[Decoder]) -> list[ReportsBetween]:
     """Each feed by itself."""
-    return [decoder.cut for decoder in decoders]
+    return [decoder.reports_between for decoder in decoders]
 
 
 def line_length(data: bytes, begin: int) -> int:
@@ -63,7 +63,7 @@ class Format:
 
     name: str  # as it stands in addresses
     decoder: Callable[[FeedSettings, Sensors], Decoder] | None = None  # raises OptionError
-    cuts: Callable[[Sequence[Decoder]], list[Cut]] = _cuts  # of all feeds of this format together
+    report_sources: Callable[[Sequence[Decoder]], list[ReportsBetween]] = _report_sources  # of all feeds of it together
     encode: Callable[[Reports, SensorNames], list[bytes]] | None = None  # lines or datagrams of reports
     encodes: tuple[str, ...] = ()  # the kinds of reports that `encode` takes: fields of `Reports`
     pictures: Callable[[OutSettings], Encoder] | None = None

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from coastwatch.batches import BearingReports, RadarReports, Reports, Sensors, TrackReports
-from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps, Waiting
+from coastwatch.formats.decoding import Counts, Item, Stamps, Waiting
 from coastwatch.formats.format import Format, SensorNames
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S
@@ -78,7 +78,7 @@ class JsonDecoder:
         self.stamps = Stamps(name, checked, self.tally)
         self._name, self._sensors, self._lines = name, sensors, 0
         names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name, "track": sensors.track_sources.name}
-        self._numbers = {kind: {str(name): k for k, name in enumerate(of)} for kind, of in names.items()}
+        self._numbers = {kind: {str(name): k for k, name in enumerate(own_names)} for kind, own_names in names.items()}
         self._waiting = {
             "plot": Waiting(self.counts, self.tally, RadarReports, ("sensor", "range_m", "azimuth_deg")),
             "bearing": Waiting(self.counts, self.tally, BearingReports, ("sensor", "contact", "bearing_deg")),
@@ -95,9 +95,9 @@ class JsonDecoder:
         """As of `Decoder`."""
         return sum(one.rows for one in self._waiting.values())
 
-    def take(self, items: list[Item], reference_s: float | None) -> None:
+    def decode(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`."""
-        found: dict[str, list[tuple[float, int, Any]]] = {kind: [] for kind in self._waiting}
+        lines_of: dict[str, list[tuple[float, int, Any]]] = {kind: [] for kind in self._waiting}
         for arrived_s, text, _ in items:
             self._lines += 1
             if not text.strip():
@@ -113,18 +113,20 @@ class JsonDecoder:
             if sensor is None:
                 self.tally.add(NO_SENSOR, f"{self._name}:{self._lines}", named)
                 continue
-            found[line.type].append((arrived_s, sensor, line))
+            lines_of[line.type].append((arrived_s, sensor, line))
         for kind, make in (("plot", self._plots), ("bearing", self._bearings), ("track", self._tracks)):
-            if found[kind]:
-                when, number, lines = (list(column) for column in zip(*found[kind], strict=True))
+            if lines_of[kind]:
+                when, number, lines = (list(column) for column in zip(*lines_of[kind], strict=True))
                 stamp = np.array([line.time_s for line in lines])
                 time_s = self.stamps.times_s(stamp, np.array(when, np.float64))
                 batch = make(time_s, np.array(number, np.int64), lines)
                 self._waiting[kind].add(batch.take(np.isfinite(time_s)))
 
-    def cut(self, after_s: float, until_s: float) -> Reports:
-        """As `Cut`."""
-        radar, bearing, tracks = (self._waiting[kind].cut(after_s, until_s) for kind in ("plot", "bearing", "track"))
+    def reports_between(self, after_s: float, until_s: float) -> Reports:
+        """As `ReportsBetween`."""
+        radar, bearing, tracks = (
+            self._waiting[kind].reports_between(after_s, until_s) for kind in ("plot", "bearing", "track")
+        )
         return replace(Reports.empty(), radar=radar, bearing=bearing, tracks=tracks)
 
     def _plots(self, time_s: Any, number: Any, lines: Any) -> RadarReports:
@@ -180,20 +182,21 @@ def encode(reports: Reports, names: SensorNames) -> list[bytes]:
 def _json_lines(reports: Reports, names: SensorNames) -> Iterator[bytes]:
     radar, bearing = reports.radar, reports.bearing
     for k in range(len(radar)):
-        said = {"type": "plot", "radar": str(names["plot"][radar.sensor[k]]), "time": float(radar.time_s[k])}
+        line = {"type": "plot", "radar": str(names["plot"][radar.sensor[k]]), "time": float(radar.time_s[k])}
         yield json.dumps(
-            {**said, "range_m": float(radar.range_m[k]), "azimuth_deg": float(radar.azimuth_deg[k]) % 360.0}
+            {**line, "range_m": float(radar.range_m[k]), "azimuth_deg": float(radar.azimuth_deg[k]) % 360.0}
         ).encode()
     for k in range(len(bearing)):
-        said = {"type": "bearing", "sonar": str(names["bearing"][bearing.sensor[k]]), "time": float(bearing.time_s[k])}
-        said |= {"bearing_deg": float(bearing.bearing_deg[k]) % 360.0}
+        line = {"type": "bearing", "sonar": str(names["bearing"][bearing.sensor[k]]), "time": float(bearing.time_s[k])}
+        line |= {"bearing_deg": float(bearing.bearing_deg[k]) % 360.0}
         if bearing.contact[k] >= 0:
-            said["contact"] = int(bearing.contact[k])
-        yield json.dumps(said).encode()
+            line["contact"] = int(bearing.contact[k])
+        yield json.dumps(line).encode()
 
 
-def _decoder(feed: FeedSettings, sensors: Sensors) -> JsonDecoder:
-    return JsonDecoder(feed.name, sensors, feed.checked)
-
-
-JSON = Format("json", decoder=_decoder, encode=encode, encodes=("radar", "bearing"))
+JSON = Format(
+    "json",
+    decoder=lambda feed, sensors: JsonDecoder(feed.name, sensors, feed.checked),
+    encode=encode,
+    encodes=("radar", "bearing"),
+)

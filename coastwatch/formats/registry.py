@@ -8,7 +8,7 @@ from dataclasses import replace
 from coastwatch.batches import Sensors
 from coastwatch.formats.asterix.decoder import ASTERIX
 from coastwatch.formats.cot import COT
-from coastwatch.formats.decoding import Cut, Decoder, FeedSettings, OptionError
+from coastwatch.formats.decoding import Decoder, FeedSettings, OptionError, ReportsBetween
 from coastwatch.formats.format import Format
 from coastwatch.formats.json_lines import JSON
 from coastwatch.formats.nmea.ais import AIS
@@ -19,8 +19,10 @@ DECODED = tuple(name for name, one in FORMATS.items() if one.decoder is not None
 PICTURES = tuple(name for name, one in FORMATS.items() if one.pictures is not None)
 
 
-def decoders_of(feeds: Sequence[tuple[str, FeedSettings]], sensors: Sensors, first: int = 0) -> tuple[list[Decoder], list[Cut]]:
-    """A decoder of each feed, and the cuts of all of them, in order of the feeds.
+def decoders_of(
+    feeds: Sequence[tuple[str, FeedSettings]], sensors: Sensors, first: int = 0
+) -> tuple[list[Decoder], list[ReportsBetween]]:
+    """A decoder of each feed, and what gives the reports of all of them, in order of the feeds.
 
     Args: feeds: the format of each, and what it is told; first: number of the first feed of each format. Raises: OptionError.
     """
@@ -32,7 +34,8 @@ def decoders_of(feeds: Sequence[tuple[str, FeedSettings]], sensors: Sensors, fir
             raise OptionError(f"feed: got {settings.text!r}, needed a format of {', '.join(DECODED)}")
         decoders.append(make(replace(settings, number=first + len(own)), sensors))
         own.append(row)
-    cuts: list[tuple[int, Cut]] = []
+    sources: list[tuple[int, ReportsBetween]] = []
     for name, own in rows.items():
-        cuts += zip(own, FORMATS[name].cuts([decoders[row] for row in own]), strict=False)  # AIS has one cut of all its feeds
-    return decoders, [cut for _, cut in sorted(cuts, key=lambda pair: pair[0])]
+        of_format = FORMATS[name].report_sources([decoders[row] for row in own])
+        sources += zip(own, of_format, strict=False)  # AIS has one source of all its feeds
+    return decoders, [source for _, source in sorted(sources, key=lambda pair: pair[0])]

@@ -166,7 +166,7 @@ class WireStream:
         Raises: InputError, OSError.
         """
         self._lateness_s = lateness_s
-        decoders, self._cuts = decoders_of([(file.format, file.settings()) for file in files], sensors, first_feed)
+        decoders, self._report_sources = decoders_of([(file.format, file.settings()) for file in files], sensors, first_feed)
         for file, decoder in zip(files, decoders, strict=True):
             if not decoder.has_dates and not is_capture(found(file.path)):
                 raise InputError(
@@ -179,13 +179,13 @@ class WireStream:
         """As `ReportStream.between`."""
         for file in self._files:
             file.read_beyond(until_s + self._lateness_s)
-        return Reports.merged([Reports.empty(), *(cut(after_s, until_s) for cut in self._cuts)])
+        return Reports.merged([Reports.empty(), *(source(after_s, until_s) for source in self._report_sources)])
 
     def first(self) -> Reports:
         """The reports of the first batch of each file. They do not stay in the stream."""
         for file in self._files:
             file.read_beyond(-math.inf)
-        return Reports.merged([Reports.empty(), *(cut(-math.inf, math.inf) for cut in self._cuts)])
+        return Reports.merged([Reports.empty(), *(source(-math.inf, math.inf) for source in self._report_sources)])
 
     def rest(self, after_s: float) -> int:
         """As `ReportStream.rest`."""

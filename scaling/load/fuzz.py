@@ -190,8 +190,12 @@ def fuzzed(number: int, seed: int, chain: int) -> Iterator[tuple[int, Counter[st
             items = [(now_s, messages.of(name, now_s), random.randrange(20)) for _ in range(TOGETHER)]
             done += len(items)
             try:
-                decoder.take(items, None)
-                part = receivers.cut(now_s - period_s, now_s) if name == "ais" else decoder.cut(now_s - period_s, now_s)
+                decoder.decode(items, None)
+                part = (
+                    receivers.reports_between(now_s - period_s, now_s)
+                    if name == "ais"
+                    else decoder.reports_between(now_s - period_s, now_s)
+                )
             except Exception as error:
                 broken[f"{name}: {_where(error)}"] += 1
                 continue

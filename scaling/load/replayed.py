@@ -72,8 +72,8 @@ def files(scenario: Scenario, sent: list[tuple[float, list[bytes], list[bytes]]]
     (folder / "ais.nmea").write_bytes(b"".join(line + b"\r\n" for _, lines, _ in sent for line in lines))
     decoder = AsterixDecoder("radar", scenario.sensors(), origins={})
     for until_s, _, datagrams in sent:
-        decoder.take([(until_s, datagram, 0) for datagram in datagrams], until_s)
-    plots: RadarReports = decoder.cut(-math.inf, math.inf).radar
+        decoder.decode([(until_s, datagram, 0) for datagram in datagrams], until_s)
+    plots: RadarReports = decoder.reports_between(-math.inf, math.inf).radar
     name = scenario.sensors().radars.name[plots.sensor]
     columns = {"time": plots.time_s, "radar": name.astype(object), "range_m": plots.range_m, "azimuth": plots.azimuth_deg}
     pl.DataFrame(columns).write_parquet(folder / "plots.parquet")

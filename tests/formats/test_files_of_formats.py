@@ -124,7 +124,7 @@ def live(text: str, found: list[bytes], arrived_s: float = math.nan) -> Reports:
     """The reports of the live decoder of the format, which is told the same."""
     file = wire_file(text)
     (decoder,), (cut,) = decoders_of([(file.format, file.settings())], sensors())
-    decoder.take([(arrived_s, one, 0) for one in found], None)
+    decoder.decode([(arrived_s, one, 0) for one in found], None)
     return cut(-math.inf, math.inf)
 
 

@@ -72,13 +72,13 @@ def test_a_format_of_the_table_makes_decoders_that_survive_what_is_not_theirs(na
     assert decode is not None
     made = [decode(FeedSettings(f"feed {k}", "x", source="other", number=k), sensors()) for k in range(2)]
     for decoder in made:
-        decoder.take([(NOW_S, b"\x00not of any format", 0)], None)
+        decoder.decode([(NOW_S, b"\x00not of any format", 0)], None)
         assert sum(fault.count for fault in decoder.tally.faults()) == 1
-    cuts = FORMATS[name].cuts(made)
-    assert cuts
-    for cut in cuts:
-        assert len(cut(-math.inf, math.inf)) == 0
-    assert isinstance(made[0].cut(-math.inf, math.inf), Reports)
+    sources = FORMATS[name].report_sources(made)
+    assert sources
+    for reports_between in sources:
+        assert len(reports_between(-math.inf, math.inf)) == 0
+    assert isinstance(made[0].reports_between(-math.inf, math.inf), Reports)
 
 
 @pytest.mark.parametrize("name", PICTURES)
@@ -98,8 +98,8 @@ ROWS = [name for name, value in vars(vessels()).items() if hasattr(value, "__len
 def test_system_tracks_are_read_back_by_the_decoder_of_the_house() -> None:
     given = vessels()
     decoder = AsterixDecoder("x", sensors(), origins={(SAC, SIC): Origin(True, 0)})
-    decoder.take([(NOW_S, datagram, 0) for datagram in datagrams(given)], None)
-    tracks = decoder.cut(-math.inf, math.inf).tracks
+    decoder.decode([(NOW_S, datagram, 0) for datagram in datagrams(given)], None)
+    tracks = decoder.reports_between(-math.inf, math.inf).tracks
     assert decoder.tally.faults() == ()
     assert sorted(tracks.number.tolist()) == [0, 1, 2, 3]
     order = np.argsort(tracks.number)

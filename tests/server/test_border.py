@@ -78,14 +78,14 @@ def test_whatever_one_line_raises_the_others_are_used(name: str) -> None:
     address = "asterix+udp://127.0.0.1:0?date=2025-06-15" if name == "asterix" else f"{name}+listen://127.0.0.1:0"
     with receiving(address) as made:
         feed = vars(made)["_feeds"][0]
-        take, broken = feed.decoder.take, sent[1]
+        take, broken = feed.decoder.decode, sent[1]
 
         def odd(some: list[Any], reference_s: float | None) -> None:
             if any(item[1].strip() == broken.strip() for item in some):
                 raise ValueError("of an odd line")
             take(some, reference_s)
 
-        feed.decoder.take = odd
+        feed.decoder.decode = odd
         if name == "asterix":
             put_datagrams(made.ports[0], sent)
         else:
@@ -121,8 +121,8 @@ def test_an_odd_state_of_a_region_is_left_out_and_counted(odd: str, value: float
     connection = Sends(parsed_region("ws://127.0.0.1:1?name=north"))
     connection.cycle = RegionCycle("1@a", 1, end_s, replace(good, **{odd: column}))
     taken = RegionIntake(connection, 0, False)
-    taken.take(end_s)
-    found = taken.cut(end_s - 3.0, end_s)
+    taken.receive(end_s)
+    found = taken.reports_between(end_s - 3.0, end_s)
     assert len(found) == len(good.position_deg) - 1
     assert {fault.kind: fault.count for fault in taken.faults() if fault.kind.startswith(limits.BEYOND)}
 
@@ -132,8 +132,8 @@ def test_cycles_that_a_killed_region_computes_again_in_a_merged_one_count_once()
     taken, tracks, found = RegionIntake(connection, 0, False), region_tracks(0), []
     for end_s, seq, merged in ((START_S, 515, 0), (START_S + 3.0, 516, 0), (START_S + 9.0, 518, 2)):
         connection.cycle = RegionCycle("1@a", seq, end_s, tracks, merged)
-        taken.take(end_s)
-        taken.cut(end_s - 3.0, end_s)
+        taken.receive(end_s)
+        taken.reports_between(end_s - 3.0, end_s)
         found += [(one.first_seq, one.last_seq) for one in taken.intake()]
     assert found == [(515, 515), (516, 516), (517, 518)]
 

@@ -223,8 +223,8 @@ def test_the_cycles_of_a_region_of_a_clock_ahead_are_of_their_arrival_counted_an
     taken, used = RegionIntake(region, 0, True), 0
     for number in range(1, 41):
         region.now_s = now_s = NOW_S + 3.0 * number
-        taken.take(now_s)
-        found = taken.cut(now_s - 3.0, now_s)
+        taken.receive(now_s)
+        found = taken.reports_between(now_s - 3.0, now_s)
         used += len(found)
         if len(found):
             made = (found.position_deg[0, 0] - 50.0) / 1e-4

@@ -54,7 +54,7 @@ def test_reports_that_wait_are_bounded_and_the_oldest_go(monkeypatch: pytest.Mon
     for k in range(50):
         waiting.add(plots(NOW_S + np.arange(100) + 100.0 * k))
         assert sum(map(len, waiting._parts)) <= 1_000
-    found = waiting.cut(NOW_S - 1.0, NOW_S + 5_000.0)
+    found = waiting.reports_between(NOW_S - 1.0, NOW_S + 5_000.0)
     assert len(found) >= 900
     assert len(found) + counts.dropped == 5_000
     assert found.received_s.min() == NOW_S + 5_000.0 - len(found)
@@ -75,7 +75,7 @@ def test_names_of_a_sender_whose_clock_is_a_little_ahead_do_not_add_up() -> None
     for cycle in range(40):
         at_s = NOW_S + 3.0 * cycle
         line = b"\\" + checked(b"c:%d" % (int(at_s) + 30)) + b"\\" + NAMED
-        decoder.take([(at_s, line, 0)] * 20, None)
+        decoder.decode([(at_s, line, 0)] * 20, None)
         used += len(decoder._named(at_s + 3.0)[1])
         assert sum(len(statics) for statics, _ in decoder._statics) <= 20 * 12
     assert used > 20 * 20
@@ -85,7 +85,7 @@ def test_names_of_a_receiver_that_wait_are_bounded(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(decoding, "MOST_WAITING", 100)
     decoder = AisDecoder("x", 0, False)
     for k in range(20):
-        decoder.take([(NOW_S + k, NAMED, 0)] * 30, None)
+        decoder.decode([(NOW_S + k, NAMED, 0)] * 30, None)
         assert sum(len(rows) for _, rows in decoder._statics) <= 100
         assert sum(len(statics) for statics, _ in decoder._statics) <= 100
     assert decoder.counts.dropped >= 400
@@ -98,7 +98,7 @@ def test_lines_that_belong_to_no_sentence_are_not_kept() -> None:
     targets = TargetDecoder("x", source, 0, site_deg=np.array([50.0, -1.0]))
     for k in range(20):
         for made in (decoder, targets):
-            made.take([(NOW_S + k, b"$PGHP,1,2026,1,1,0,0,0,0,,,1", 0)] * 200, None)
+            made.decode([(NOW_S + k, b"$PGHP,1,2026,1,1,0,0,0,0,,,1", 0)] * 200, None)
     assert len(decoder._senders[0]._ahead) <= ais.MOST_AHEAD
     assert len(targets._before) <= ais.MOST_AHEAD + 1
 

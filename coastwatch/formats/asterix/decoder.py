@@ -67,18 +67,20 @@ class Origin(NamedTuple):
 def origins_of(feed: FeedSettings, sensors: Sensors) -> dict[tuple[int, int], Origin]:
     """What each SAC and SIC that an address names stands for, as in asterix+udp://:8600?25/1=north. Raises: OptionError."""
     radars, sources = [str(name) for name in sensors.radars.name], [str(name) for name in sensors.track_sources.name]
-    out = {}
+    origins = {}
     for key, value in feed.options.items():
         if key in ("name", "date", "source"):
             continue
         sac, _, sic = key.partition("/")
         if not (sac.isdecimal() and sic.isdecimal()) or value not in (*radars, *sources):
-            known = ", ".join([*radars, *sources]) or "none"
+            names = ", ".join([*radars, *sources]) or "none"
             raise OptionError(
-                f"feed: got {key}={value} in {feed.text!r}, needed SAC/SIC=NAME with a radar or track source of {known}"
+                f"feed: got {key}={value} in {feed.text!r}, needed SAC/SIC=NAME with a radar or track source of {names}"
             )
-        out[int(sac), int(sic)] = Origin(False, radars.index(value)) if value in radars else Origin(True, sources.index(value))
-    return out
+        origins[int(sac), int(sic)] = (
+            Origin(False, radars.index(value)) if value in radars else Origin(True, sources.index(value))
+        )
+    return origins
 
 
 def date_of(feed: FeedSettings) -> float | None:
@@ -127,30 +129,30 @@ class AsterixDecoder:
         """As of `Decoder`."""
         return self._plots.rows + self._tracks.rows
 
-    def take(self, items: list[Item], reference_s: float | None) -> None:
+    def decode(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A time of day is that nearest to the reference, or to the arrival."""
         plots: list[Plot] = []
         tracks: list[tuple[int, Track]] = []
         for when, data, _ in items:
             self._messages += 1
             self._where = f"{self._name}:{self._messages}"
-            for found in self._found(data, when, when if reference_s is None else reference_s):
-                if isinstance(found, Plot):
-                    plots.append(found)
+            for decoded in self._targets_of(data, when, when if reference_s is None else reference_s):
+                if isinstance(decoded, Plot):
+                    plots.append(decoded)
                 else:
-                    tracks.append(found)
+                    tracks.append(decoded)
         if plots:
             table = np.array(plots, np.float64)
             self._plots.add(_radar_reports(table, self._sensors.radars))
         for source in sorted({number for number, _ in tracks}):
             self._tracks.add(reports_of(source, [track for number, track in tracks if number == source]))
 
-    def cut(self, after_s: float, until_s: float) -> Reports:
-        """As `Cut`."""
-        radar, tracks = self._plots.cut(after_s, until_s), self._tracks.cut(after_s, until_s)
+    def reports_between(self, after_s: float, until_s: float) -> Reports:
+        """As `ReportsBetween`."""
+        radar, tracks = self._plots.reports_between(after_s, until_s), self._tracks.reports_between(after_s, until_s)
         return replace(Reports.empty(), radar=radar, tracks=tracks)
 
-    def _found(self, data: bytes, arrived_s: float, about_s: float) -> Iterator[Plot | tuple[int, Track]]:
+    def _targets_of(self, data: bytes, arrived_s: float, about_s: float) -> Iterator[Plot | tuple[int, Track]]:
         """The plots and the tracks, with the number of their source, of a datagram. What cannot be used is counted.
 
         A block of another category, and what is damaged, count as one record.
@@ -170,10 +172,10 @@ class AsterixDecoder:
                 if isinstance(records, ValueError):
                     raise records
                 for record in records:
-                    found = self._one(record, category, arrived_s, about_s)
+                    decoded = self._one(record, category, arrived_s, about_s)
                     ledger.read += 1
-                    if found is not None:
-                        yield found
+                    if decoded is not None:
+                        yield decoded
         except Exception as error:  # whatever a library raises on damaged bytes
             ledger.read += 1
             self.tally.add(DAMAGED, self._where, f"{type(error).__name__}: {error}")

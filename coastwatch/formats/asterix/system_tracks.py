@@ -53,7 +53,7 @@ def _items(vessels: Vessels, row: int, number: int) -> dict[str, Any]:
     speed, course = float(vessels.sog_kn[row]) * KNOT_M_S, math.radians(float(vessels.cog_deg[row]))
     if math.isfinite(course) and speed < LARGEST_M_S:
         items["185"] = (("VX", (speed * math.sin(course), "m/s")), ("VY", (speed * math.cos(course), "m/s")))
-    major, minor, orientation = (float(of[row]) for of in (vessels.major_m, vessels.minor_m, vessels.orientation_deg))
+    major, minor, orientation = (float(column[row]) for column in (vessels.major_m, vessels.minor_m, vessels.orientation_deg))
     if math.isfinite(orientation) and minor >= 0.0 and major < LARGEST_SIGMA_M:
         items["500"] = _accuracy(major, minor, math.radians(orientation))
     return items

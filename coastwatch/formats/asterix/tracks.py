@@ -38,14 +38,14 @@ class Track(NamedTuple):
 
 def quantity_of(item: Any, name: str, unit: str) -> float:
     """The value of a part of an item in a unit. NaN: it is not there."""
-    found = None if item is None else item.variation.get_item(name)
-    return math.nan if found is None else float(found.variation.content.as_quantity(unit))
+    part = None if item is None else item.variation.get_item(name)
+    return math.nan if part is None else float(part.variation.content.as_quantity(unit))
 
 
 def uint_of(item: Any, name: str) -> int:
     """The bits of a part of an item as a number. 0: it is not there."""
-    found = item.variation.get_item(name)
-    return 0 if found is None else int(found.as_uint())
+    part = item.variation.get_item(name)
+    return 0 if part is None else int(part.as_uint())
 
 
 def track_of(record: Any, category: int, time_s: float, site_deg: Floats) -> Track | str:
@@ -74,8 +74,8 @@ def _position(record: Any, category: int, site_deg: Floats) -> tuple[float, floa
         item = record.get_item("040")
         range_m, azimuth = quantity_of(item, "RHO", "m"), math.radians(quantity_of(item, "TH", "°"))
         east, north = range_m * math.sin(azimuth), range_m * math.cos(azimuth)
-    found = offset_deg(site_deg, np.array([east, north]))
-    return float(found[0]), float(found[1])
+    position = offset_deg(site_deg, np.array([east, north]))
+    return float(position[0]), float(position[1])
 
 
 def _velocity(record: Any, category: int) -> tuple[float, float]:

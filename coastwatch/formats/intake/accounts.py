@@ -51,11 +51,11 @@ def losses(contents: Sequence[FileContent], faults: Sequence[Fault], unused: int
 
     Args: as of `accounts`; unused: reports after the end of a run of whole files.
     """
-    found = accounts(contents, faults)
+    account = accounts(contents, faults)
     names = ", ".join(content.name for content in contents[:3]) + (", ..." if len(contents) > 3 else "")
-    out = []
-    if contents and found.unaccounted:
-        out.append(Fault(UNACCOUNTED, abs(found.unaccounted), names, str(found)))
+    lost = []
+    if contents and account.unaccounted:
+        lost.append(Fault(UNACCOUNTED, abs(account.unaccounted), names, str(account)))
     if unused:
-        out.append(Fault(UNUSED, unused, names, ""))
-    return tuple(out)
+        lost.append(Fault(UNUSED, unused, names, ""))
+    return tuple(lost)

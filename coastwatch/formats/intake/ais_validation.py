@@ -145,13 +145,13 @@ class Acceptance:
 
     def _arrived(self, stamp_s: Floats, ahead_s: Floats) -> ReceptionTimes:
         """The reception times of a block, judged by the stamps before and after it."""
-        known, n = len(self._accepted_s), len(stamp_s)
+        before, n = len(self._accepted_s), len(stamp_s)
         around = np.concatenate([self._accepted_s, stamp_s, ahead_s])
         judged = reception_times(around, self._intake.lateness_s, self._intake.longest_silence_s)
-        received = np.maximum(judged.received_s[known : known + n], self.newest_s)
-        faults = {kind: mask[known : known + n].copy() for kind, mask in judged.faults.items()}
+        received = np.maximum(judged.received_s[before : before + n], self.newest_s)
+        faults = {kind: mask[before : before + n].copy() for kind, mask in judged.faults.items()}
         too_late = received - stamp_s > 2.0 * self._intake.lateness_s
-        accepted = judged.accepted[known : known + n] & ~too_late
+        accepted = judged.accepted[before : before + n] & ~too_late
         faults[BACKWARDS] |= too_late & ~faults[FAR]
         faults[LATE] = accepted & (stamp_s < received)
         if n:
@@ -183,8 +183,8 @@ class Acceptance:
             received_s=received,
             mmsi=rows.mmsi,
             position_deg=rows.position_deg,
-            sog_kn=np.where(_known(rows.sog_kn, NOT_AVAILABLE_SOG_KN), rows.sog_kn, np.nan),
-            cog_deg=np.where(_known(rows.cog_deg, 360.0), rows.cog_deg, np.nan),
+            sog_kn=np.where(_within(rows.sog_kn, NOT_AVAILABLE_SOG_KN), rows.sog_kn, np.nan),
+            cog_deg=np.where(_within(rows.cog_deg, 360.0), rows.cog_deg, np.nan),
             class_b=rows.class_b,
             origin=np.full(len(rows), -1, np.int64),
             nav_status=rows.nav_status,
@@ -239,7 +239,7 @@ def _faults(rows: AisRows) -> dict[str, Bools]:
     }
 
 
-def _known(value: Floats, below: float) -> Bools:
+def _within(value: Floats, below: float) -> Bools:
     return np.asarray((value >= 0.0) & (value < below))
 
 

@@ -31,9 +31,9 @@ class Tally:
 
     def add(self, kind: str, where: str, example: str | bytes = "", count: int = 1, *, used: bool = False) -> None:
         """Count records of a kind. The first call of a kind also stores its location and an example. Args: used: as of Fault."""
-        known = self._faults.get(kind)
-        if known is not None:
-            self._faults[kind] = replace(known, count=known.count + count)
+        fault = self._faults.get(kind)
+        if fault is not None:
+            self._faults[kind] = replace(fault, count=fault.count + count)
             return
         text = example.decode("ascii", "backslashreplace") if isinstance(example, bytes) else example
         self._faults[kind] = Fault(kind, count, where, text[:EXAMPLE_LENGTH], used)

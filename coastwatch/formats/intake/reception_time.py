@@ -53,9 +53,9 @@ def _largest_part(stamp_s: Floats, longest_silence_s: float) -> Bools:
         return np.zeros(0, np.bool_)
     order = np.argsort(stamp_s, kind="stable")
     part = np.concatenate([[0], np.cumsum(np.diff(stamp_s[order]) > longest_silence_s)])
-    out = np.zeros(len(stamp_s), np.bool_)
-    out[order[part == np.bincount(part).argmax()]] = True
-    return out
+    is_largest = np.zeros(len(stamp_s), np.bool_)
+    is_largest[order[part == np.bincount(part).argmax()]] = True
+    return is_largest
 
 
 def _bounds(t: Floats) -> tuple[Floats, Floats]:
@@ -80,12 +80,12 @@ def _longest_in_order(t: Sequence[float]) -> list[int]:
             at.append(i)
         else:
             ends[length], at[length] = value, i
-    out = []
+    indices = []
     i = at[-1] if at else -1
     while i >= 0:
-        out.append(i)
+        indices.append(i)
         i = before[i]
-    return out[::-1]
+    return indices[::-1]
 
 
 def repeated(keys: Sequence[Array], time_s: Floats, within_s: float) -> Bools:
@@ -93,10 +93,10 @@ def repeated(keys: Sequence[Array], time_s: Floats, within_s: float) -> Bools:
 
     Args: keys: each (M,); time_s: (M,). Returns: (M,).
     """
-    out = np.zeros(len(time_s), np.bool_)
+    is_repeated = np.zeros(len(time_s), np.bool_)
     order = np.lexsort((time_s, *keys))
     same = np.ones(max(len(order) - 1, 0), np.bool_)
     for key in keys:
         same &= key[order[1:]] == key[order[:-1]]
-    out[order[1:]] = same & (np.diff(time_s[order]) <= within_s)
-    return out
+    is_repeated[order[1:]] = same & (np.diff(time_s[order]) <= within_s)
+    return is_repeated

@@ -50,8 +50,8 @@ def leading_time_s(text: bytes) -> float:
 
 def trailing_time_s(text: bytes) -> float:
     """The Unix time at the end of the text after a checksum; NaN if there is none."""
-    found = BEHIND.search(text)
-    return unix_s(float(found[1])) if found else math.nan
+    match = BEHIND.search(text)
+    return unix_s(float(match[1])) if match else math.nan
 
 
 def pghp_s(sentence: bytes) -> float:

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import AisReports, AisStatics, Bools, Floats, Ints, Reports, Sensors
+from coastwatch.batches import AisReports, AisStatics, Bools, Floats, Ints, Reports
 from coastwatch.formats import decoding
-from coastwatch.formats.decoding import FAR_AHEAD_S, Counts, Cut, Decoder, FeedSettings, Item, Newest, Stamps
+from coastwatch.formats.decoding import FAR_AHEAD_S, Counts, Decoder, Item, Newest, ReportsBetween, Stamps
 from coastwatch.formats.format import Format, SensorNames
 from coastwatch.formats.intake.ais_validation import DUPLICATE, Acceptance, AisIntake, AisRows, StaticRows
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import repeated
-from coastwatch.formats.nmea.messages import Assembler, Messages, taken
+from coastwatch.formats.nmea.messages import Assembler, Messages, messages_where
 from coastwatch.formats.nmea.new_vessels import BEYOND, NewVessels
 from coastwatch.formats.nmea.payload import decoded
 from coastwatch.formats.nmea.sentences import FURTHER, ais_sentences
@@ -65,8 +65,8 @@ class _Sender:
         while items and len(self._ahead) < MOST_AHEAD and _is_ahead(items[-1][1]):
             self._ahead.insert(0, items.pop())
         self._clock = [item for item in items if item[1][3:6] in CLOCKS][-1:]
-        found = ais_sentences([line for _, line, _ in items], self._name, self._tally, self._ledger, again)
-        messages = self._assembler.whole([s._replace(line=s.line + lines_before) for s in found], False)
+        sentences = ais_sentences([line for _, line, _ in items], self._name, self._tally, self._ledger, again)
+        messages = self._assembler.whole([s._replace(line=s.line + lines_before) for s in sentences], False)
         self._ledger.beside[FURTHER] += int(messages.sentences.sum()) - len(messages.line)
         arrived = np.array([when for when, _, _ in items], np.float64)
         at = np.clip(
@@ -75,13 +75,13 @@ class _Sender:
         arrived_s = arrived[at]
         stamp_s = self._without_far_clocks(messages, arrived_s) if self._checked else messages.stamp_s
         time_s = self.stamps.times_s(stamp_s, arrived_s)
-        return taken(messages._replace(stamp_s=time_s), np.isfinite(time_s))
+        return messages_where(messages._replace(stamp_s=time_s), np.isfinite(time_s))
 
     def _without_far_clocks(self, messages: Messages, arrived_s: Floats) -> Floats:
         """The stamps, NaN where a clock sentence says another time than that of arrival. Args: arrived_s: (M,). Returns: (M,)."""
         far = messages.by_clock & (np.abs(messages.stamp_s - arrived_s) > FAR_AHEAD_S)
-        said = messages.stamp_s - arrived_s
-        self._tally.add_rows(FAR_CLOCK, far, lambda i: self._name, lambda i: f"{said[i]:.0f} s")
+        ahead_s = messages.stamp_s - arrived_s
+        self._tally.add_rows(FAR_CLOCK, far, lambda i: self._name, lambda i: f"{ahead_s[i]:.0f} s")
         return np.where(far, np.nan, messages.stamp_s)
 
 
@@ -98,7 +98,7 @@ class AisDecoder:
         self._newest = Newest()
         self._lines = 0
         self._rows: list[AisRows] = []
-        self._of: list[Ints] = []  # the sender of each row
+        self._sender_of_row: list[Ints] = []
         self._statics: list[tuple[AisStatics, StaticRows]] = []
         self._alone: Receivers | None = None  # where no other receiver is asked with it
 
@@ -118,7 +118,7 @@ class AisDecoder:
         of_messages = sum(sender.waiting for sender in self._senders.values())
         return of_messages + sum(map(len, self._rows)) + sum(len(rows) for _, rows in self._statics)
 
-    def take(self, items: list[Item], reference_s: float | None) -> None:
+    def decode(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A sentence without a time has that of its arrival."""
         by_sender: dict[int, list[Item]] = {}
         for item in items:
@@ -133,7 +133,7 @@ class AisDecoder:
             rows, statics, static_rows = decoded(messages, self.name, self.tally)
             self.counts.ledger.read += int(np.isin(static_rows.row, rows.row).sum())  # a message with a position and a name
             self._rows.append(rows)
-            self._of.append(np.full(len(rows), number, np.int64))
+            self._sender_of_row.append(np.full(len(rows), number, np.int64))
             self._statics.append((statics, static_rows))
         self._bound()
         while len(self._senders) > MOST_SENDERS:
@@ -145,10 +145,10 @@ class AisDecoder:
     def _bound(self) -> None:
         """Drop the oldest positions, and the oldest names and sizes, where too many wait. They are counted."""
         if sum(map(len, self._rows)) > decoding.MOST_WAITING:
-            rows, of = AisRows.join(self._rows), np.concatenate(self._of)
+            rows, sender = AisRows.join(self._rows), np.concatenate(self._sender_of_row)
             stay = decoding.newest_rows(rows.stamp_s)
             self.counts.dropped += len(rows) - len(stay)
-            self._rows, self._of = [rows.take(stay)], [of[stay]]
+            self._rows, self._sender_of_row = [rows.take(stay)], [sender[stay]]
         if sum(len(rows) for _, rows in self._statics) > decoding.MOST_WAITING:
             statics, named = self._joined_statics()
             stay = decoding.newest_rows(named.stamp_s)
@@ -157,16 +157,16 @@ class AisDecoder:
 
     def due(self, after_s: float, until_s: float) -> tuple[AisRows, Ints]:
         """The positions of a span, which then wait no longer, and the sender of each. Older ones are counted."""
-        rows, of = AisRows.join(self._rows), np.concatenate([np.zeros(0, np.int64), *self._of])
+        rows, sender = AisRows.join(self._rows), np.concatenate([np.zeros(0, np.int64), *self._sender_of_row])
         keep, outdated = rows.stamp_s > until_s, self.counts.outdated(rows.stamp_s, after_s)
-        self._rows, self._of = ([rows.take(keep)], [of[keep]]) if keep.any() else ([], [])
+        self._rows, self._sender_of_row = ([rows.take(keep)], [sender[keep]]) if keep.any() else ([], [])
         due = ~keep & ~outdated
-        return rows.take(due), of[due]
+        return rows.take(due), sender[due]
 
-    def cut(self, after_s: float, until_s: float) -> Reports:
-        """As `Cut`, of this receiver alone."""
+    def reports_between(self, after_s: float, until_s: float) -> Reports:
+        """As `ReportsBetween`, of this receiver alone."""
         self._alone = self._alone or Receivers([self])
-        return self._alone.cut(after_s, until_s)
+        return self._alone.reports_between(after_s, until_s)
 
     def accepted(self, rows: AisRows, until_s: float) -> Reports:
         """The reports of these positions, and names and sizes up to an instant."""
@@ -183,9 +183,9 @@ class AisDecoder:
         return statics, rows.take(np.lexsort((rows.digest, statics.mmsi[rows.static], rows.stamp_s)))
 
     def _joined_statics(self) -> tuple[AisStatics, StaticRows]:
-        statics = AisStatics.join([found for found, _ in self._statics])
-        start = np.cumsum([0, *(len(found) for found, _ in self._statics)])[:-1].tolist()
-        shifted = [replace(of, static=of.static + begin) for (_, of), begin in zip(self._statics, start, strict=True)]
+        statics = AisStatics.join([part for part, _ in self._statics])
+        start = np.cumsum([0, *(len(part) for part, _ in self._statics)])[:-1].tolist()
+        shifted = [replace(named, static=named.static + begin) for (_, named), begin in zip(self._statics, start, strict=True)]
         return statics, StaticRows.join(shifted)
 
 
@@ -202,23 +202,23 @@ class Receivers:
         self._decoders, self._new = decoders, NewVessels()
         self._seen = np.zeros((0, 2), np.int64), np.zeros(0)  # digest and MMSI of messages, and their times
 
-    def cut(self, after_s: float, until_s: float) -> Reports:
-        """As `Cut`, of all of them."""
+    def reports_between(self, after_s: float, until_s: float) -> Reports:
+        """As `ReportsBetween`, of all of them."""
         parts = [decoder.due(after_s, until_s) for decoder in self._decoders]
         rows = AisRows.join([part for part, _ in parts])
-        of = np.repeat(np.arange(len(parts)), [len(part) for part, _ in parts])
+        feed = np.repeat(np.arange(len(parts)), [len(part) for part, _ in parts])
         sender = np.concatenate([np.zeros(0, np.int64), *(senders for _, senders in parts)])
-        order = np.lexsort((of, rows.digest, rows.second, rows.mmsi, rows.stamp_s))
-        rows, of, sender = rows.take(order), of[order], sender[order]
+        order = np.lexsort((feed, rows.digest, rows.second, rows.mmsi, rows.stamp_s))
+        rows, feed, sender = rows.take(order), feed[order], sender[order]
         first = self._first(np.stack([rows.digest, rows.mmsi], 1), rows.stamp_s)
-        known = self._new.accepted(rows.mmsi, rows.stamp_s, rows.position_deg, of, sender)
-        found = []
+        is_used = self._new.accepted(rows.mmsi, rows.stamp_s, rows.position_deg, feed, sender)
+        reports = []
         for number, decoder in enumerate(self._decoders):
-            own = of == number
+            own = feed == number
             decoder.tally.add_rows(DUPLICATE, own & ~first, lambda i: "live", lambda i: f"MMSI {rows.mmsi[i]}")
-            decoder.tally.add_rows(BEYOND, own & first & ~known, lambda i: "live", lambda i: f"MMSI {rows.mmsi[i]}")
-            found.append(decoder.accepted(rows.take(own & first & known), until_s))
-        return Reports.merged(found) if found else Reports.empty()
+            decoder.tally.add_rows(BEYOND, own & first & ~is_used, lambda i: "live", lambda i: f"MMSI {rows.mmsi[i]}")
+            reports.append(decoder.accepted(rows.take(own & first & is_used), until_s))
+        return Reports.merged(reports) if reports else Reports.empty()
 
     def _first(self, message: Ints, time_s: Floats) -> Bools:
         """Which messages are heard for the first time. Args: (M, 2) digest and MMSI, (M,), later than those of the calls before."""
@@ -246,7 +246,7 @@ def _position_lines(reports: AisReports) -> Iterator[bytes]:
     for k, (received_s, time_s, mmsi, latitude, longitude, sog, cog) in enumerate(
         zip(*(c.tolist() for c in columns), strict=True)
     ):
-        said = {
+        message = {
             "msg_type": 18 if of_class[k] else 1,
             "mmsi": mmsi,
             "lat": latitude,
@@ -256,14 +256,14 @@ def _position_lines(reports: AisReports) -> Iterator[bytes]:
             "second": int(time_s) % 60,
         }
         if not of_class[k]:
-            said["status"] = NO_STATUS if status[k] < 0 else status[k]
-        yield from _sentences(said, received_s)
+            message["status"] = NO_STATUS if status[k] < 0 else status[k]
+        yield from _sentences(message, received_s)
 
 
 def _static_lines(statics: AisStatics) -> Iterator[bytes]:
     for k in range(len(statics)):
         length, beam = (0.0 if math.isnan(x) else float(x) for x in (statics.length_m[k], statics.beam_m[k]))
-        said = {
+        message = {
             "msg_type": 5,
             "mmsi": int(statics.mmsi[k]),
             "shipname": str(statics.name[k]),
@@ -274,31 +274,35 @@ def _static_lines(statics: AisStatics) -> Iterator[bytes]:
             "to_port": int(beam) - int(beam) // 2,
             "to_starboard": int(beam) // 2,
         }
-        yield from _sentences(said, float(statics.received_s[k]))
+        yield from _sentences(message, float(statics.received_s[k]))
 
 
-def _sentences(said: dict[str, Any], received_s: float) -> Iterator[bytes]:
+def _sentences(message: dict[str, Any], received_s: float) -> Iterator[bytes]:
     """The sentences of a message, each after a tag block with its time in milliseconds; those of one message are a group."""
     from pyais import encode_dict
 
-    found = encode_dict(said, talker_id="AI", sentence_type="VDM", seq_id=said["mmsi"] % 10)
-    for number, sentence in enumerate(found, 1):
-        group = f"g:{number}-{len(found)}-{said['mmsi'] % 10_000}," if len(found) > 1 else ""
+    sentences = encode_dict(message, talker_id="AI", sentence_type="VDM", seq_id=message["mmsi"] % 10)
+    for number, sentence in enumerate(sentences, 1):
+        group = f"g:{number}-{len(sentences)}-{message['mmsi'] % 10_000}," if len(sentences) > 1 else ""
         tag = f"{group}s:sim,c:{round(received_s * 1000)}"
         yield f"\\{tag}*{reduce(xor, tag.encode()):02X}\\{sentence}".encode()
 
 
-def _decoder(feed: FeedSettings, sensors: Sensors) -> AisDecoder:
-    return AisDecoder(feed.name, feed.number, feed.checked)
-
-
-def _cuts(decoders: Sequence[Decoder]) -> list[Cut]:
-    return [Receivers([one for one in decoders if isinstance(one, AisDecoder)]).cut]
+def _report_sources(decoders: Sequence[Decoder]) -> list[ReportsBetween]:
+    return [Receivers([one for one in decoders if isinstance(one, AisDecoder)]).reports_between]
 
 
 def _stamps(lines: list[bytes]) -> Iterator[tuple[int, float]]:
-    for found in ais_sentences(lines, "", Tally()):
-        yield found.line, found.clock_s if math.isnan(found.own_s) else found.own_s
+    for sentence in ais_sentences(lines, "", Tally()):
+        yield sentence.line, sentence.clock_s if math.isnan(sentence.own_s) else sentence.own_s
 
 
-AIS = Format("ais", decoder=_decoder, cuts=_cuts, encode=encode, encodes=("ais", "statics"), stamps=_stamps, numbered=True)
+AIS = Format(
+    "ais",
+    decoder=lambda feed, sensors: AisDecoder(feed.name, feed.number, feed.checked),
+    report_sources=_report_sources,
+    encode=encode,
+    encodes=("ais", "statics"),
+    stamps=_stamps,
+    numbered=True,
+)

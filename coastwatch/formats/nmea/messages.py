@@ -39,7 +39,7 @@ class Messages(NamedTuple):
     sentences: Ints  # of the message
 
 
-def taken(messages: Messages, keep: Bools) -> Messages:
+def messages_where(messages: Messages, keep: Bools) -> Messages:
     """The messages where a mask is true. Args: keep: (M,)."""
     if keep.all():
         return messages
@@ -154,20 +154,22 @@ class Assembler:
             if len(self._newest) > MOST_SLOTS:
                 del self._newest[next(iter(self._newest))]
         slot = (*sentence.slot, self._newest.get(sentence.slot, b""))
-        known = self._open.pop(slot, None)
-        if known is not None and (
-            sentence.part in known.parts or at.line - known.line > PART_LINES or abs(at.own_s - known.own_s) > PART_SECONDS
+        message = self._open.pop(slot, None)
+        if message is not None and (
+            sentence.part in message.parts
+            or at.line - message.line > PART_LINES
+            or abs(at.own_s - message.own_s) > PART_SECONDS
         ):
-            self._count_lone(known)
-            known = None
-        if known is None:
-            known = _Open(at.line, at.own_s, at.clock_s, {})
-        known.parts[sentence.part] = sentence, at.sentence
-        if math.isnan(known.own_s):
-            known = known._replace(own_s=at.own_s)
-        if len(known.parts) == sentence.parts:
-            return known
-        self._open[slot] = known
+            self._count_lone(message)
+            message = None
+        if message is None:
+            message = _Open(at.line, at.own_s, at.clock_s, {})
+        message.parts[sentence.part] = sentence, at.sentence
+        if math.isnan(message.own_s):
+            message = message._replace(own_s=at.own_s)
+        if len(message.parts) == sentence.parts:
+            return message
+        self._open[slot] = message
         return None
 
     def _expire(self, line: float) -> None:
@@ -208,5 +210,5 @@ def checksums_are_right(sentences: Sequence[bytes]) -> Bools:
     end = np.cumsum(np.fromiter(map(len, sentences), np.int64, len(sentences)))
     start = np.concatenate([[0], end[:-1]])
     edges = np.stack([start + 1, end - 3], axis=-1).ravel()
-    found = np.bitwise_xor.reduceat(text, edges)[::2]
-    return np.asarray(found == 16 * HEX[text[end - 2]] + HEX[text[end - 1]])
+    checksum = np.bitwise_xor.reduceat(text, edges)[::2]
+    return np.asarray(checksum == 16 * HEX[text[end - 2]] + HEX[text[end - 1]])

@@ -58,7 +58,7 @@ class NewVessels:
     """Which reports are used: those of a known MMSI, of a new one within the budget of its sender, and second ones that agree."""
 
     def __init__(self) -> None:
-        self._known, self._heard_s = np.zeros(0, np.int64), np.zeros(0)  # sorted MMSI, and when each was heard last
+        self._accepted, self._heard_s = np.zeros(0, np.int64), np.zeros(0)  # sorted MMSI, and when each was heard last
         self._waiting, self._waits_s, self._at_deg = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 2))  # sorted by MMSI
         self._budgets: OrderedDict[tuple[int, int], _Budget] = OrderedDict()
         self._of_feeds: dict[int, _Budget] = {}
@@ -69,42 +69,42 @@ class NewVessels:
         if not len(mmsi):
             return np.zeros(0, np.bool_)
         now_s = float(time_s[-1])
-        known = _is_in(mmsi, self._known)
-        if not known.all():
-            known |= self._agree(mmsi, time_s, position_deg, ~known)
-            new = np.flatnonzero(~known)
+        is_used = _is_in(mmsi, self._accepted)
+        if not is_used.all():
+            is_used |= self._agree(mmsi, time_s, position_deg, ~is_used)
+            new = np.flatnonzero(~is_used)
             _, first = np.unique(mmsi[new], return_index=True)
             granted = self._granted(new[np.sort(first)], feed, sender, now_s)
-            known |= _is_in(mmsi, np.sort(mmsi[granted]))
-            self._wait(mmsi, time_s, position_deg, np.flatnonzero(~known))
-        self._note(mmsi[known], time_s[known], now_s)
-        return known
+            is_used |= _is_in(mmsi, np.sort(mmsi[granted]))
+            self._wait(mmsi, time_s, position_deg, np.flatnonzero(~is_used))
+        self._note(mmsi[is_used], time_s[is_used], now_s)
+        return is_used
 
     def _granted(self, rows: Ints, feed: Ints, sender: Ints, now_s: float) -> Ints:
         """The rows of new MMSI that are within the budgets of their senders. Args: rows: in order of time."""
-        out = [np.zeros(0, np.int64)]
+        granted = [np.zeros(0, np.int64)]
         pairs, group = np.unique(np.stack([feed[rows], sender[rows]], 1), axis=0, return_inverse=True)
-        for number, (of, who) in enumerate(pairs.tolist()):
+        for number, (number_of_feed, who) in enumerate(pairs.tolist()):
             own = rows[group == number]
-            budget = self._budgets.setdefault((of, who), _Budget.full(BURST, PER_SECOND))
-            self._budgets.move_to_end((of, who))
-            whole = self._of_feeds.setdefault(of, _Budget.full(BURST_OF_FEED, PER_SECOND_OF_FEED))
-            out.append(own[: whole.take(budget.take(len(own), now_s), now_s)])
+            budget = self._budgets.setdefault((number_of_feed, who), _Budget.full(BURST, PER_SECOND))
+            self._budgets.move_to_end((number_of_feed, who))
+            whole = self._of_feeds.setdefault(number_of_feed, _Budget.full(BURST_OF_FEED, PER_SECOND_OF_FEED))
+            granted.append(own[: whole.take(budget.take(len(own), now_s), now_s)])
         while len(self._budgets) > MOST_SENDERS:
             self._budgets.popitem(last=False)
-        return np.concatenate(out)
+        return np.concatenate(granted)
 
     def _agree(self, mmsi: Ints, time_s: Floats, position_deg: Floats, unknown: Bools) -> Bools:
         """Which reports agree with one of the same MMSI that waits, and all of that MMSI after them. Returns: (M,)."""
-        out = np.zeros(len(mmsi), np.bool_)
+        is_agreed = np.zeros(len(mmsi), np.bool_)
         rows = np.flatnonzero(unknown & _is_in(mmsi, self._waiting))
         if len(rows):
             at = np.searchsorted(self._waiting, mmsi[rows])
             apart_s = time_s[rows] - self._waits_s[at]
             apart_m = _distance_m(position_deg[rows], self._at_deg[at])
             agrees = (apart_s > 0.0) & (apart_s <= AGREES_WITHIN_S) & (apart_m <= AGREES_M + AGREES_M_S * apart_s)
-            out = unknown & _is_in(mmsi, np.unique(mmsi[rows[agrees]]))
-        return out
+            is_agreed = unknown & _is_in(mmsi, np.unique(mmsi[rows[agrees]]))
+        return is_agreed
 
     def _wait(self, mmsi: Ints, time_s: Floats, position_deg: Floats, rows: Ints) -> None:
         """Keep the newest report of each MMSI that is not known."""
@@ -123,18 +123,18 @@ class NewVessels:
 
     def _note(self, mmsi: Ints, time_s: Floats, now_s: float) -> None:
         """Remember when each MMSI was heard, and forget those that were not for long."""
-        old = _is_in(mmsi, self._known)
-        self._heard_s[np.searchsorted(self._known, mmsi[old])] = time_s[old]  # in order of time: the last one stays
+        old = _is_in(mmsi, self._accepted)
+        self._heard_s[np.searchsorted(self._accepted, mmsi[old])] = time_s[old]  # in order of time: the last one stays
         if not old.all():
             new, last = np.unique(mmsi[~old][::-1], return_index=True)
-            at = np.searchsorted(self._known, new)
-            self._known = np.insert(self._known, at, new)
+            at = np.searchsorted(self._accepted, new)
+            self._accepted = np.insert(self._accepted, at, new)
             self._heard_s = np.insert(self._heard_s, at, time_s[~old][::-1][last])
         if now_s > self._looked_s + FORGOTTEN_S / 60.0:
             keep = self._heard_s >= now_s - FORGOTTEN_S
-            self._known, self._heard_s, self._looked_s = self._known[keep], self._heard_s[keep], now_s
+            self._accepted, self._heard_s, self._looked_s = self._accepted[keep], self._heard_s[keep], now_s
         if len(self._waiting):
-            keep = ~_is_in(self._waiting, self._known)
+            keep = ~_is_in(self._waiting, self._accepted)
             self._waiting, self._waits_s, self._at_deg = self._waiting[keep], self._waits_s[keep], self._at_deg[keep]
 
 

@@ -51,10 +51,10 @@ def decoded(messages: Messages, name: str, tally: Tally) -> tuple[AisRows, AisSt
     needed = np.array([NEEDED_BITS.get(k, 0) for k in range(64)])[kind]
     short = messages.bits < needed
     wrong = _unknown_part(messages, kind) & ~short
-    faults = {k: (kind == k, said) for k, said in NO_VESSEL.items()}
+    faults = {k: (kind == k, fault) for k, fault in NO_VESSEL.items()}
     other = (needed == 0) & ~np.isin(kind, list(NO_VESSEL))
-    for mask, said in (*faults.values(), (other, OTHER_MESSAGE), (short, CUT_PAYLOAD), (wrong, UNDECODABLE)):
-        tally.add_rows(said, mask, lambda i: f"{name}:{messages.line[i]}", lambda i: messages.raw[i].decode("ascii"))
+    for mask, fault in (*faults.values(), (other, OTHER_MESSAGE), (short, CUT_PAYLOAD), (wrong, UNDECODABLE)):
+        tally.add_rows(fault, mask, lambda i: f"{name}:{messages.line[i]}", lambda i: messages.raw[i].decode("ascii"))
     good = (needed > 0) & ~short & ~wrong
     digest = np.array([zlib.crc32(p) for p in messages.payload], np.int64)
     statics, static_rows = _statics(messages, kind, good, digest)
@@ -64,9 +64,9 @@ def decoded(messages: Messages, name: str, tally: Tally) -> tuple[AisRows, AisSt
 def _unknown_part(messages: Messages, kind: Ints) -> Bools:
     """Which messages are of type 24 and neither part A nor part B."""
     rows = np.flatnonzero(kind == 24)
-    out = np.zeros(len(kind), np.bool_)
-    out[rows] = bits(six_bits([messages.payload[i] for i in rows], 7), 38, 2) > 1
-    return out
+    is_unknown = np.zeros(len(kind), np.bool_)
+    is_unknown[rows] = bits(six_bits([messages.payload[i] for i in rows], 7), 38, 2) > 1
+    return is_unknown
 
 
 def six_bits(payloads: list[bytes], length: int) -> Array:
@@ -104,8 +104,8 @@ def _degrees(tenth_minutes: Ints) -> Floats:
 def _positions(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> AisRows:
     rows = np.flatnonzero(good & (kind != 5) & (kind != 24))
     six = six_bits([messages.payload[i] for i in rows], 28)
-    of = kind[rows]
-    form = np.select([of == LONG_RANGE, (of == 18) | (of == 19)], [2, 1], 0)
+    kind_of_row = kind[rows]
+    form = np.select([kind_of_row == LONG_RANGE, (kind_of_row == 18) | (kind_of_row == 19)], [2, 1], 0)
     widths = {
         "sog": (10, 10, 6),
         "lon": (28, 28, 18),
@@ -129,7 +129,7 @@ def _positions(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> Ais
     far = form == 2
     position = [np.where(far, _degrees(1000 * raw[name]), _degrees(raw[name])) for name in ("lat", "lon")]
     unknown = far & (raw["sog"] == UNKNOWN_LONG_RANGE_SOG)
-    monitored = (raw["raim"] == 1) & (of != 19)  # type 19 has other data in that bit
+    monitored = (raw["raim"] == 1) & (kind_of_row != 19)  # type 19 has other data in that bit
     return AisRows(
         row=messages.line[rows],
         stamp_s=messages.stamp_s[rows],
@@ -150,16 +150,16 @@ def _statics(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> tuple
     whole = (kind == 5) | (kind == 24) | ((kind == 19) & (messages.bits >= STATIC_BITS_19))
     rows = np.flatnonzero(good & whole)
     six = six_bits([messages.payload[i] for i in rows], LONGEST)
-    n, of, mmsi = len(rows), kind[rows], bits(six, 8, 30)
-    part_b = (of == 24) & (bits(six, 38, 2) == 1)
+    n, kind_of_row, mmsi = len(rows), kind[rows], bits(six, 8, 30)
+    part_b = (kind_of_row == 24) & (bits(six, 38, 2) == 1)
     name, sign = np.full(n, "", "U20"), np.full(n, "", "U7")
     size = np.zeros((n, 4), np.int64)  # to the bow, the stern, port, starboard
     type_ = np.zeros(n, np.int64)
     # By form of message: first bits of the name, the call sign, the ship type and the dimensions; -1: it has none.
     forms = (
-        (of == 5, 112, 70, 232, 240),
-        (of == 19, 143, -1, 263, 271),
-        ((of == 24) & ~part_b, 40, -1, -1, -1),
+        (kind_of_row == 5, 112, 70, 232, 240),
+        (kind_of_row == 19, 143, -1, 263, 271),
+        ((kind_of_row == 24) & ~part_b, 40, -1, -1, -1),
         (part_b, -1, 90, 40, 132),
     )
     for mine, name_at, sign_at, type_at, size_at in forms:

@@ -74,7 +74,7 @@ def wanted_sentences(
     Args: ledger: counts the lines that are neither blank nor comments, and those of times and tag blocks among them; again: the
     first lines were given before, and are not counted again.
     """
-    told = Ledger() if ledger is None else ledger, tally
+    counters = Ledger() if ledger is None else ledger, tally
     clock = math.nan
     waiting = NO_PREFIX
     groups: dict[bytes, float] = {}
@@ -82,7 +82,7 @@ def wanted_sentences(
         line = raw.strip()
         if not line or line[:1] == b"#":
             continue
-        ledger, tally = told if number > again else (Ledger(), Tally())
+        ledger, tally = counters if number > again else (Ledger(), Tally())
         ledger.read += 1
         usual = TAGGED.fullmatch(line) if waiting is NO_PREFIX else None
         if usual is not None:
@@ -102,8 +102,8 @@ def wanted_sentences(
             ledger.beside[OF_OTHERS] += not is_cut
             continue
         if rest[:1] == b"$":
-            said_s = clock_s(rest)
-            clock = said_s if not math.isnan(said_s) and checksum_is_right(rest) else clock
+            stamp_s = clock_s(rest)
+            clock = stamp_s if not math.isnan(stamp_s) and checksum_is_right(rest) else clock
         elif rest[:1] != BANG or rest[3:6].upper() not in wanted:
             tally.add(OTHER_SENTENCE if rest[:1] == BANG else NOT_A_SENTENCE, f"{name}:{number}", raw)
             continue

@@ -59,17 +59,17 @@ class _OwnShip:
     position_s: float = math.inf
     heading_s: float = math.inf
 
-    def update(self, said: Any, kind: bytes, time_s: float) -> None:
+    def update(self, message: Any, kind: bytes, time_s: float) -> None:
         """Take what a sentence says of the own ship."""
-        if kind in (b"RMC", b"GGA", b"GLL") and _known(said, "lat", "lon") and getattr(said, "status", "A") != "V":
-            self.latitude, self.longitude, self.position_s = said.lat, said.lon, time_s
-        if kind == b"RMC" and _known(said, "spd", "cog"):
-            self._move(said.spd * KNOT_M_S, said.cog)
-        if kind == b"VTG" and _known(said, "sogn", "cogt"):
-            self._move(said.sogn * KNOT_M_S, said.cogt)
+        if kind in (b"RMC", b"GGA", b"GLL") and _has_numbers(message, "lat", "lon") and getattr(message, "status", "A") != "V":
+            self.latitude, self.longitude, self.position_s = message.lat, message.lon, time_s
+        if kind == b"RMC" and _has_numbers(message, "spd", "cog"):
+            self._move(message.spd * KNOT_M_S, message.cog)
+        if kind == b"VTG" and _has_numbers(message, "sogn", "cogt"):
+            self._move(message.sogn * KNOT_M_S, message.cogt)
         name = {b"HDT": "headingT", b"THS": "headt", b"OSD": "hdg"}.get(kind, "")
-        if name and _known(said, name):
-            self.heading_deg, self.heading_s = getattr(said, name), time_s
+        if name and _has_numbers(message, name):
+            self.heading_deg, self.heading_s = getattr(message, name), time_s
 
     def _move(self, speed_m_s: float, course_deg: float) -> None:
         self.east_m_s, self.north_m_s = _vector(speed_m_s, course_deg)
@@ -103,66 +103,66 @@ class TargetSentences:
 
     def _state(self, sentence: bytes, clock_s: float, where: str) -> State | None:
         kind = sentence[3:6].upper()
-        said = self._parsed(sentence, where)
-        if said is None:
+        message = self._parsed(sentence, where)
+        if message is None:
             return None
         if math.isnan(clock_s) and not math.isnan(self._assumed_s):
-            clock_s = self._assumed_s = time_of_day_s(getattr(said, "time", None), self._assumed_s)
+            clock_s = self._assumed_s = time_of_day_s(getattr(message, "time", None), self._assumed_s)
         if kind in OWN_SHIP:
-            self._own.update(said, kind, clock_s)
+            self._own.update(message, kind, clock_s)
             self.of_own_ship += 1
             return None
         if math.isnan(clock_s):
             self._tally.add(TIME_MISSING, where, sentence)
             return None
-        state, refused = _state(said, kind, clock_s, self._own)
+        state, refused = _state(message, kind, clock_s, self._own)
         if state is None:
             self._tally.add(refused, where, sentence)
         return state
 
     def _parsed(self, sentence: bytes, where: str) -> Any:
         """What pynmeagps makes of a sentence; None: nothing."""
-        said: Any = None
+        message: Any = None
         fault = UNDECODABLE
         try:
-            said = NMEAReader.parse(sentence)
+            message = NMEAReader.parse(sentence)
         except NMEAParseError as error:
             fault = CHECKSUM if "checksum" in str(error) else UNDECODABLE
         except Exception:  # a sentence that pynmeagps cannot parse must not stop the feed
-            said = None
-        if said is None:
+            message = None
+        if message is None:
             self._tally.add(fault, where, sentence)
-        return said
+        return message
 
 
-def _state(said: Any, kind: bytes, clock_s: float, own: _OwnShip) -> tuple[State | None, str]:
+def _state(message: Any, kind: bytes, clock_s: float, own: _OwnShip) -> tuple[State | None, str]:
     """The state of a target, or None and the kind of fault."""
-    status = getattr(said, "targetstatus", None) if kind == b"TTM" else getattr(said, "status", None)
+    status = getattr(message, "targetstatus", None) if kind == b"TTM" else getattr(message, "status", None)
     if status in ("L", "Q"):
         return None, LOST if status == "L" else ACQUIRED
     needed = ("targetnum", "targetdist", "targetbearing") if kind == b"TTM" else ("targetnum", "targetlat", "targetlon")
-    if not _known(said, *needed):
+    if not _has_numbers(message, *needed):
         return None, NO_TARGET
-    time_s = time_of_day_s(getattr(said, "time", None), clock_s)
+    time_s = time_of_day_s(getattr(message, "time", None), clock_s)
     velocity = (math.nan, math.nan)
     if kind == b"TLL":
-        latitude = _signed(said.targetlat, getattr(said, "targetlatNS", "N"), "S")  # pynmeagps gives both without a sign
-        longitude = _signed(said.targetlon, getattr(said, "targetlonEW", "E"), "W")
+        latitude = _signed(message.targetlat, getattr(message, "targetlatNS", "N"), "S")  # pynmeagps gives both without a sign
+        longitude = _signed(message.targetlon, getattr(message, "targetlonEW", "E"), "W")
     else:
         own_latitude, own_longitude, heading = own.at(clock_s)
-        relative = getattr(said, "targetbearingu", "T") == "R"
-        bearing = said.targetbearing + (heading if relative else 0.0)
+        relative = getattr(message, "targetbearingu", "T") == "R"
+        bearing = message.targetbearing + (heading if relative else 0.0)
         if math.isnan(own_latitude) or math.isnan(bearing):
             return None, NO_OWN_SHIP
-        distance = said.targetdist * METRES.get(getattr(said, "speedu", "N"), NAUTICAL_MILE_M)
+        distance = message.targetdist * METRES.get(getattr(message, "speedu", "N"), NAUTICAL_MILE_M)
         place = offset_deg(np.array([own_latitude, own_longitude]), np.array(_vector(distance, bearing)))
         latitude, longitude = float(place[0]), float(place[1])
-        velocity = _velocity(said, heading, own)
+        velocity = _velocity(message, heading, own)
     if not abs(latitude) <= HIGHEST_LATITUDE:
         return None, LATITUDE
     if not abs(longitude) <= 180.0:
         return None, LONGITUDE
-    return (int(said.targetnum), min(time_s, clock_s), clock_s, latitude, longitude, *velocity), ""
+    return (int(message.targetnum), min(time_s, clock_s), clock_s, latitude, longitude, *velocity), ""
 
 
 def _signed(degrees: float, side: str, negative: str) -> float:
@@ -170,14 +170,14 @@ def _signed(degrees: float, side: str, negative: str) -> float:
     return -abs(degrees) if side == negative else degrees
 
 
-def _velocity(said: Any, heading: float, own: _OwnShip) -> tuple[float, float]:
+def _velocity(message: Any, heading: float, own: _OwnShip) -> tuple[float, float]:
     """East and north of a TTM target. A relative one is against the own ship, and its course is from the bow."""
-    if not _known(said, "targetspeed", "targetcourse"):
+    if not _has_numbers(message, "targetspeed", "targetcourse"):
         return math.nan, math.nan
-    speed = said.targetspeed * METRES_PER_SECOND.get(getattr(said, "speedu", "N"), KNOT_M_S)
-    if getattr(said, "targetcourseu", "T") != "R":
-        return _vector(speed, said.targetcourse)
-    east, north = _vector(speed, said.targetcourse + heading)
+    speed = message.targetspeed * METRES_PER_SECOND.get(getattr(message, "speedu", "N"), KNOT_M_S)
+    if getattr(message, "targetcourseu", "T") != "R":
+        return _vector(speed, message.targetcourse)
+    east, north = _vector(speed, message.targetcourse + heading)
     return east + own.east_m_s, north + own.north_m_s
 
 
@@ -186,10 +186,10 @@ def _vector(length: float, bearing_deg: float) -> tuple[float, float]:
     return length * math.sin(math.radians(bearing_deg)), length * math.cos(math.radians(bearing_deg))
 
 
-def _known(said: Any, *names: str) -> bool:
+def _has_numbers(message: Any, *names: str) -> bool:
     """Whether fields are there and finite numbers."""
-    found = (getattr(said, name, None) for name in names)
-    return all(isinstance(value, int | float) and math.isfinite(value) for value in found)
+    values = (getattr(message, name, None) for name in names)
+    return all(isinstance(value, int | float) and math.isfinite(value) for value in values)
 
 
 def time_of_day_s(of_day: Any, clock_s: float) -> float:
@@ -229,7 +229,7 @@ class TargetDecoder:
         """As of `Decoder`."""
         return self._waiting.rows
 
-    def take(self, items: list[Item], reference_s: float | None) -> None:
+    def decode(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A sentence without a time has that of its arrival."""
         self._seen += len(items)
         items, again, own_ship = [*self._before, *items], self._again, self._targets.of_own_ship
@@ -249,12 +249,14 @@ class TargetDecoder:
         states: list[State] = []
         arrived: list[float] = []
         ledger = self.counts.ledger
-        for found in wanted_sentences(lines, self._name, self.tally, TARGETS + OWN_SHIP, ledger, again):
-            if found.line <= again:
+        for sentence in wanted_sentences(lines, self._name, self.tally, TARGETS + OWN_SHIP, ledger, again):
+            if sentence.line <= again:
                 continue
-            when = items[found.line - 1][0]
-            stamps = (s for s in (found.own_s, found.clock_s, when) if not math.isnan(s))
-            state = self._targets.state(found.sentence, next(stamps, math.nan), f"{self._name}:{self._lines + found.line}")
+            when = items[sentence.line - 1][0]
+            stamps = (s for s in (sentence.own_s, sentence.clock_s, when) if not math.isnan(s))
+            state = self._targets.state(
+                sentence.sentence, next(stamps, math.nan), f"{self._name}:{self._lines + sentence.line}"
+            )
             if state is not None:
                 states.append(state)
                 arrived.append(when)
@@ -269,9 +271,9 @@ class TargetDecoder:
         time_s, table = time_s[usable], table[usable]
         self._waiting.add(track_reports(self._source, table[:, 0].astype(np.int64), time_s, table[:, 3:5], table[:, 5:7]))
 
-    def cut(self, after_s: float, until_s: float) -> Reports:
-        """As `Cut`."""
-        return replace(Reports.empty(), tracks=self._waiting.cut(after_s, until_s))
+    def reports_between(self, after_s: float, until_s: float) -> Reports:
+        """As `ReportsBetween`."""
+        return replace(Reports.empty(), tracks=self._waiting.reports_between(after_s, until_s))
 
 
 def source_of(feed: FeedSettings, sources: TrackSources) -> int:
@@ -342,8 +344,8 @@ class TargetEncoder:
             )
         east, north = difference_m(place, np.array(self._site)).tolist()
         miles, bearing = math.hypot(east, north) / NAUTICAL_MILE_M, math.degrees(math.atan2(east, north)) % 360.0
-        said = f"{motion[0]:.1f},{motion[1]:.1f},T" if math.isfinite(motion[0] + motion[1]) else ",,"
-        return _sentence(f"CWTTM,{number:02d},{miles:.3f},{bearing:.2f},T,{said},,,N,{name},T,,{clock},A")
+        motion_fields = f"{motion[0]:.1f},{motion[1]:.1f},T" if math.isfinite(motion[0] + motion[1]) else ",,"
+        return _sentence(f"CWTTM,{number:02d},{miles:.3f},{bearing:.2f},T,{motion_fields},,,N,{name},T,,{clock},A")
 
 
 def _sentence(body: str) -> bytes:

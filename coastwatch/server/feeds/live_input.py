@@ -75,7 +75,7 @@ class _Feed:
         return now_s() - max(self.inbox.heard_s, self.began_s)
 
     def decode(self, reference_s: float | None) -> None:
-        """Decode what has come. Args: as of `Decoder.take`."""
+        """Decode what has come. Args: as of `Decoder.decode`."""
         items, self.items = self.items, []
         decode(self.decoder, self.inbox.address.name, items, reference_s)
 
@@ -141,7 +141,7 @@ class LiveInput:
         self._receiver = Receiver(addresses)
         feeds = [(address.format, address.settings(clock == "wall")) for address in addresses]
         try:
-            decoders, self._cuts = decoders_of(feeds, sensors)
+            decoders, self._report_sources = decoders_of(feeds, sensors)
         except OptionError as error:
             raise AddressError(str(error)) from error
         self._feeds = [_Feed(inbox, decoder) for inbox, decoder in zip(self._receiver.inboxes, decoders, strict=True)]
@@ -200,7 +200,7 @@ class LiveInput:
         before_s = None
         while not stop.is_set():
             for region in self._regions:
-                region.take(FIRST_S)
+                region.receive(FIRST_S)
             self._decode_feeds(math.inf, math.inf)
             if math.isfinite(self._first_s()):
                 before_s = before_s or time.monotonic()
@@ -242,10 +242,10 @@ class LiveInput:
     def between(self, after_s: float, until_s: float) -> Reports:
         """As `ReportStream.between`."""
         self._decode(until_s, now_s() + max(HELD_UP * self._period_s, now_s() - self._decoded_s))
-        reports = Reports.merged([Reports.empty(), *(cut(after_s, until_s) for cut in self._cuts)])
+        reports = Reports.merged([Reports.empty(), *(source(after_s, until_s) for source in self._report_sources)])
         if not self._regions:
             return reports
-        of_regions = [region.cut(after_s, until_s) for region in self._regions]
+        of_regions = [region.reports_between(after_s, until_s) for region in self._regions]
         return replace(reports, tracks=TrackReports.join([reports.tracks, *of_regions]))
 
     def intake(self) -> list[Intake]:
@@ -279,7 +279,7 @@ class LiveInput:
         Args: until_s: of regions no cycles after the first that ends then or later; stop_s: as of `_decode_feeds`.
         """
         for region in self._regions:
-            region.take(until_s)
+            region.receive(until_s)
         self._decode_feeds(until_s, stop_s)
 
     def _decode_feeds(self, until_s: float, stop_s: float) -> None:

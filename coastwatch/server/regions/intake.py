@@ -40,7 +40,7 @@ class RegionIntake:
         """Name of its track source."""
         return self.connection.address.name
 
-    def take(self, until_s: float) -> None:
+    def receive(self, until_s: float) -> None:
         """Take what has come, until a cycle ends at this instant or later. What follows stays with the region: memory is bounded."""
         while self.newest_s < until_s and (cycle := self.connection.next()) is not None:
             at_s = now_s()
@@ -52,7 +52,7 @@ class RegionIntake:
             self.newest_s = max(self.newest_s, cycle.time_s)
             self.first_s = min(self.first_s, cycle.time_s)
 
-    def cut(self, after_s: float, until_s: float) -> TrackReports:
+    def reports_between(self, after_s: float, until_s: float) -> TrackReports:
         """The tracks of the cycles that end in a span. Older ones are late: counted and left out."""
         due = [cycle for cycle in self._waiting if cycle.time_s <= until_s]
         self._waiting = [cycle for cycle in self._waiting if cycle.time_s > until_s]
@@ -75,7 +75,7 @@ class RegionIntake:
         return Intake(self.name, run, first, last, sum(cycle.time_s <= after_s for cycle in cycles))
 
     def intake(self) -> list[Intake]:
-        """What the newest `cut` used, by run of the region."""
+        """What the newest `reports_between` used, by run of the region."""
         return self._intake
 
     def faults(self) -> list[Fault]:
