@@ -26,9 +26,9 @@ from coastwatch.associations import (
     AssociationMemory,
     BearingAssociationInput,
     BearingAssociationMemory,
-    held,
+    merged_ais,
 )
-from coastwatch.associations.bearing_members import bearing_members, held_vessels, vessel_bearings
+from coastwatch.associations.bearing_members import bearing_members, bearing_only_vessels, vessel_bearings
 from coastwatch.batches import (
     AisAlarms,
     AisDetection,
@@ -162,15 +162,15 @@ def run_centre(
         spots_memory, spots = s.spots.step(m.spots, tracks)
     with timer("associations"):
         comparing, every = Running(s.associations, m.associations), AssociationInput(tracks, spots, map_)
-        associations_memory, associations = held.associate(comparing, s.associations.gate_m, every, sensors.source_kinds)
+        associations_memory, associations = merged_ais.associate(comparing, s.associations.gate_m, every, sensors.source_kinds)
     with timer("fused_tracks"):
         bearings = vessel_bearings(m.bearing_members, bearing_tracks, tracks, associations)
         counted, of_counted = tracks, associations
         if s.tracks.holds_messages and not s.fused_tracks.of_measurements:
-            counted, of_counted, bearings = held.counted_once(tracks, associations, bearings, sensors.source_kinds)
+            counted, of_counted, bearings = merged_ais.counted_once(tracks, associations, bearings, sensors.source_kinds)
         fusion = FusionInput(counted, measurements, of_counted, time_s, sensors.source_kinds, bearings)
         fused_memory, fused = Running(s.fused_tracks, m.fused_tracks).next(fusion)
-        fused, by_bearings = held_vessels(bearings, fused, int(associations.vessel.max(initial=-1)) + 1)
+        fused, by_bearings = bearing_only_vessels(bearings, fused, int(associations.vessel.max(initial=-1)) + 1)
     with timer("picture"):
         shown = PictureInput(tracks, associations, fused, alarms, time_s, sensors, by_bearings, detection, hearing)
         picture_memory, (picture, members) = s.picture.step(m.picture, shown)

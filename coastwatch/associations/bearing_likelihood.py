@@ -275,8 +275,8 @@ class BearingLikelihood(Method):
         picture. Args: sensor: (N,). Returns: (N,)."""
         count = len(sensors.sonars)
         tracks = np.bincount(sensor, minlength=count)
-        known = self.detection_probability * np.bincount(audible.sensor[audible.inside], minlength=count)
-        unknown = np.maximum(tracks - known, np.maximum(self.unknown * tracks, 0.5))
+        in_picture = self.detection_probability * np.bincount(audible.sensor[audible.inside], minlength=count)
+        unknown = np.maximum(tracks - in_picture, np.maximum(self.unknown * tracks, 0.5))
         return np.asarray(np.log(unknown / arcs(sensors)[1])[sensor])
 
 
@@ -307,9 +307,11 @@ def score_octants(settings: BearingLikelihood, arrays: Arrays, octants: Groups) 
     pair = kernels.bearings.candidates.ranges(first[track], count)
     start = np.append(0, np.cumsum(count))
     pairs = kernels.bearings.likelihood.TrackPairs(track, start, arrays["slot"][pair])
-    out = np.empty((len(pair), 2))
-    in_blocks(kernels.bearings.likelihood.log_odds, len(track), pairs, windows, positions, hypotheses, out, least=LEAST_TRACKS)
+    scores = np.empty((len(pair), 2))
+    in_blocks(
+        kernels.bearings.likelihood.log_odds, len(track), pairs, windows, positions, hypotheses, scores, least=LEAST_TRACKS
+    )
     if len(arrays["class_log_odds"]):
-        out[:, 0] += arrays["class_log_odds"][np.repeat(track, count), arrays["vessel_class"][pair]]
-    above = np.flatnonzero(out[:, 0] > settings.threshold)
-    return pair[above], out[above, 0], out[above, 1]
+        scores[:, 0] += arrays["class_log_odds"][np.repeat(track, count), arrays["vessel_class"][pair]]
+    above = np.flatnonzero(scores[:, 0] > settings.threshold)
+    return pair[above], scores[above, 0], scores[above, 1]

@@ -71,8 +71,10 @@ class BearingWindowedCovariance(Method):
         row = np.sort(row)
         bearing_row, vessel_row = octants.bearing_row[row], octants.vessel_row[row]
         chosen = self._chosen(bearing_row, vessel_row, octants.octant[row] // 8 * len(picture), x)
-        found = BearingAssociations(bearing_row[chosen], vessel_row[chosen], x[chosen], np.zeros(len(given.sensors.sonars)))
-        return LiteralBearingMemory(tracks, vessels), found
+        associations = BearingAssociations(
+            bearing_row[chosen], vessel_row[chosen], x[chosen], np.zeros(len(given.sensors.sonars))
+        )
+        return LiteralBearingMemory(tracks, vessels), associations
 
     def _chosen(self, bearing_row: Ints, vessel_row: Ints, of_sonar: Ints, x: Floats) -> Array:
         if self.one_to_one:

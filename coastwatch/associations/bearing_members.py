@@ -24,24 +24,25 @@ from coastwatch.kernels.bearings.candidates import ranges
 
 
 def bearing_members(
-    found: BearingAssociations, bearing_tracks: BearingTracks, picture: Picture, members: Members, sensors: Sensors
+    associations: BearingAssociations, bearing_tracks: BearingTracks, picture: Picture, members: Members, sensors: Sensors
 ) -> BearingMembers:
     """The associated bearing tracks with the tracks of their vessels, at the end of a cycle."""
-    if len(found.probability) == 0:
+    if len(associations.probability) == 0:
         return BearingMembers.empty()
-    vessel_id, sensor = picture.vessel_id[found.vessel_row], bearing_tracks.source[found.bearing_row] - sensors.sonar_source(0)
+    vessel_id = picture.vessel_id[associations.vessel_row]
+    sensor = bearing_tracks.source[associations.bearing_row] - sensors.sonar_source(0)
     first = np.searchsorted(members.vessel_id, vessel_id)
     count = np.searchsorted(members.vessel_id, vessel_id, side="right") - first
     rows = np.maximum(count, 1)
     pair = np.repeat(np.arange(len(vessel_id)), rows)
     member = np.append(members.track_id, -1)[np.where(count[pair] > 0, ranges(first, rows), -1)]
     return BearingMembers(
-        bearing_tracks.track_id[found.bearing_row][pair],
+        bearing_tracks.track_id[associations.bearing_row][pair],
         vessel_id[pair],
         member,
-        found.probability[pair],
-        found.sensor_bias_rad[sensor][pair],
-        found.sensor_bias_sigma_rad[sensor][pair],
+        associations.probability[pair],
+        associations.sensor_bias_rad[sensor][pair],
+        associations.sensor_bias_sigma_rad[sensor][pair],
     )
 
 
@@ -77,13 +78,13 @@ def vessel_bearings(
 
 def _vessel_numbers(associations: Associations, row: Ints, vessel_id: Ints) -> Ints:
     """The vessel of each of these tracks; for rows of -1 new numbers after the last, in order of vessel_id. (B,)"""
-    out, lost = np.append(associations.vessel, -1)[row], np.flatnonzero(row < 0)
+    number_of_track, lost = np.append(associations.vessel, -1)[row], np.flatnonzero(row < 0)
     _, number = np.unique(vessel_id[lost], return_inverse=True)
-    out[lost] = int(associations.vessel.max(initial=-1)) + 1 + number
-    return out
+    number_of_track[lost] = int(associations.vessel.max(initial=-1)) + 1 + number
+    return number_of_track
 
 
-def held_vessels(bearings: VesselBearings, fused: FusedTracks, vessels: int) -> tuple[FusedTracks, HeldVessels]:
+def bearing_only_vessels(bearings: VesselBearings, fused: FusedTracks, vessels: int) -> tuple[FusedTracks, HeldVessels]:
     """The estimates of vessels with tracks, and those of vessels that only bearings hold. Args: vessels: V, those with tracks."""
     if len(fused) == vessels:
         return fused, HeldVessels.empty()
@@ -91,7 +92,7 @@ def held_vessels(bearings: VesselBearings, fused: FusedTracks, vessels: int) -> 
     number, first = np.unique(bearings.vessel[lost], return_index=True)
     vessel_id, updated_s = bearings.vessel_id[lost][first], np.full(len(number), -np.inf)
     np.maximum.at(updated_s, bearings.vessel[lost] - vessels, bearings.updated_s[lost])
-    held = fused.take(number)
-    known = np.isfinite(held.position_deg[:, 0])
-    rows = held.time_s, held.position_deg, held.velocity_m_s, held.covariance, updated_s
-    return fused.take(np.arange(vessels)), HeldVessels(vessel_id, *rows).take(known)
+    estimates = fused.take(number)
+    has_position = np.isfinite(estimates.position_deg[:, 0])
+    rows = estimates.time_s, estimates.position_deg, estimates.velocity_m_s, estimates.covariance, updated_s
+    return fused.take(np.arange(vessels)), HeldVessels(vessel_id, *rows).take(has_position)

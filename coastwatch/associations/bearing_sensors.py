@@ -122,17 +122,17 @@ class OutsideDetections:
         """That a vessel just outside the coverage is detected, at first 1/2. Args: inside: the greatest. Returns: (K,)."""
         return np.minimum((self.detected + 0.5) / (self.expected + 1.0), inside)
 
-    def updated(self, pairs: AudiblePairs, found: Ints) -> OutsideDetections:
-        """The counts after one more cycle. Args: found: (A,) those of `pairs` that were associated."""
+    def updated(self, pairs: AudiblePairs, associated: Ints) -> OutsideDetections:
+        """The counts after one more cycle. Args: associated: (A,) those of `pairs`."""
         sensors, detected = len(self.detected), np.zeros(len(pairs.key), np.bool_)
-        detected[found] = True
+        detected[associated] = True
         kind = (2 * pairs.inside + detected) * sensors + pairs.sensor
         outside_missed, outside_found, inside_missed, inside_found = np.bincount(kind, minlength=4 * sensors).reshape(
             4, sensors
         )
-        share = np.minimum((inside_found + 0.5) / (inside_missed + inside_found + 1.0), 1.0)
+        detection = np.minimum((inside_found + 0.5) / (inside_missed + inside_found + 1.0), 1.0)
         total = FORGET * self.detected + outside_found
-        expected = FORGET * self.expected + (outside_missed + outside_found) * share
+        expected = FORGET * self.expected + (outside_missed + outside_found) * detection
         return OutsideDetections(total, np.maximum(expected, total))
 
 
@@ -154,11 +154,11 @@ class ShipTypes:
     def updated(self, statics: AisStatics) -> ShipTypes:
         """What is known after these static reports."""
         code = np.clip(statics.ship_type, -1, len(CLASS_OF_TYPE))
-        known = np.flatnonzero((code >= 0) & (code < len(CLASS_OF_TYPE)))
-        known = known[CLASS_OF_TYPE[code[known]] >= 0]
-        if len(known) == 0:
+        rows = np.flatnonzero((code >= 0) & (code < len(CLASS_OF_TYPE)))
+        rows = rows[CLASS_OF_TYPE[code[rows]] >= 0]
+        if len(rows) == 0:
             return self
-        newest_first = known[np.lexsort((code[known], statics.received_s[known]))[::-1]]
+        newest_first = rows[np.lexsort((code[rows], statics.received_s[rows]))[::-1]]
         mmsi, first = np.unique(statics.mmsi[newest_first], return_index=True)
         newest = newest_first[first]
         of_class, heard_s = CLASS_OF_TYPE[code[newest]], statics.received_s[newest]
@@ -167,7 +167,8 @@ class ShipTypes:
         kept = self.mmsi, self.vessel_class.copy(), self.heard_s.copy()
         kept[1][row[old]], kept[2][row[old]] = of_class[old], heard_s[old]
         at = np.searchsorted(self.mmsi, mmsi[new])
-        added = (np.insert(column, at, more[new]) for column, more in zip(kept, (mmsi, of_class, heard_s), strict=True))
+        columns = zip(kept, (mmsi, of_class, heard_s), strict=True)
+        added = (np.insert(column, at, newest_values[new]) for column, newest_values in columns)
         return ShipTypes(*added).bounded()
 
     def bounded(self) -> ShipTypes:
@@ -196,7 +197,7 @@ def class_log_odds(signatures: Ints, vessel_class: Ints, confusion: Floats, habi
     likelihood = log_likelihood(signatures, confusion, habit)
     relative = np.exp(likelihood - likelihood.max(axis=1, keepdims=True))
     anyone = (relative * (often / often.sum())).sum(axis=1, keepdims=True)
-    out = np.zeros((len(signatures), CLASSES + 1))
-    out[:, :CLASSES] = np.log((1.0 - doubt) * relative + doubt * anyone) - np.log(anyone)
-    out[signatures.sum(axis=1) == 0] = 0.0
-    return out
+    log_odds = np.zeros((len(signatures), CLASSES + 1))
+    log_odds[:, :CLASSES] = np.log((1.0 - doubt) * relative + doubt * anyone) - np.log(anyone)
+    log_odds[signatures.sum(axis=1) == 0] = 0.0
+    return log_odds

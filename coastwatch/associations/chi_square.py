@@ -75,7 +75,7 @@ def _dependent(tracks: Tracks, hits: PassedPairs, cross: Floats) -> Floats:
     total = 0.5 * (total + total.transpose(0, 2, 1))
     wrong = ~positive(total)
     total[wrong] = first[wrong] + second[wrong]
-    apart = difference_m(tracks.position_deg[hits.second], tracks.position_deg[hits.first])
+    offset_m = difference_m(tracks.position_deg[hits.second], tracks.position_deg[hits.first])
     return squared_distance(
-        np.concatenate([apart, tracks.velocity_m_s[hits.second] - tracks.velocity_m_s[hits.first]], axis=1), total
+        np.concatenate([offset_m, tracks.velocity_m_s[hits.second] - tracks.velocity_m_s[hits.first]], axis=1), total
     )

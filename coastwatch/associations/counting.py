@@ -81,9 +81,9 @@ class TwoCountings(Method):
         """The memory after a cycle, and its associations."""
         tracks, hits = given.tracks, find_hits(Check(self.loose_m), given)
         near = hits.take(hits.score[:, 0] <= self.tight_m)
-        tight, *some = memory[0].counted(tracks, near, self.hits_tight, self.misses_tight)
-        loose, *more = memory[1].counted(tracks, hits, self.hits_loose, self.misses_loose)
-        first, second = united((some[0], some[1]), (more[0], more[1]), len(tracks))
+        tight, *pairs_tight = memory[0].counted(tracks, near, self.hits_tight, self.misses_tight)
+        loose, *pairs_loose = memory[1].counted(tracks, hits, self.hits_loose, self.misses_loose)
+        first, second = united((pairs_tight[0], pairs_tight[1]), (pairs_loose[0], pairs_loose[1]), len(tracks))
         return (tight, loose), chosen(given.tracks, first, second, None, hits)
 
 

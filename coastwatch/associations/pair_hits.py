@@ -93,16 +93,16 @@ class PairCounts(Struct):
         kept = first[here] * count + second[here]
         key = hits.first * count + hits.second
         at = index_of(kept, key)
-        known, missed = at >= 0, np.ones(len(here), np.bool_)
-        missed[at[known]] = False
+        counted_before, missed = at >= 0, np.ones(len(here), np.bool_)
+        missed[at[counted_before]] = False
         missed &= self.associated[here]
         last = here[missed]
         misses = self.misses[last] + 1
         stays = misses < end
         last = last[stays]
         in_a_row, was = np.ones(len(key), np.int64), np.zeros(len(key), np.bool_)
-        in_a_row[known] = np.minimum(self.hits[here[at[known]]] + 1, MOST)
-        was[known] = self.associated[here[at[known]]]
+        in_a_row[counted_before] = np.minimum(self.hits[here[at[counted_before]]] + 1, MOST)
+        was[counted_before] = self.associated[here[at[counted_before]]]
         now = was | (in_a_row >= begin)
         if at_once is not None:
             now |= at_once
@@ -120,9 +120,9 @@ class PairCounts(Struct):
         return after, a[after.associated], b[after.associated]
 
 
-def united(some: tuple[Ints, Ints], more: tuple[Ints, Ints], rows: int) -> tuple[Ints, Ints]:
+def united(pairs: tuple[Ints, Ints], other_pairs: tuple[Ints, Ints], rows: int) -> tuple[Ints, Ints]:
     """The pairs of both, each once, by first, then second. Args: rows: N, of tracks."""
-    key = np.union1d(some[0] * rows + some[1], more[0] * rows + more[1])
+    key = np.union1d(pairs[0] * rows + pairs[1], other_pairs[0] * rows + other_pairs[1])
     return key // max(rows, 1), key % max(rows, 1)
 
 
@@ -133,6 +133,6 @@ def chosen(tracks: Tracks, first: Ints, second: Ints, statistic: Floats | None, 
     """
     distance = np.hypot(*difference_m(tracks.position_deg[second], tracks.position_deg[first]).T)
     gain = A_PAIR_M - np.minimum(distance, 0.5 * A_PAIR_M)
-    taken = one_to_one(tracks, first, second, gain)
-    shown = (distance if statistic is None else statistic)[taken]
-    return associations_of(tracks, first[taken], second[taken], shown, gain[taken], is_distance=True, of=hits)
+    kept = one_to_one(tracks, first, second, gain)
+    shown = (distance if statistic is None else statistic)[kept]
+    return associations_of(tracks, first[kept], second[kept], shown, gain[kept], is_distance=True, counts=hits)

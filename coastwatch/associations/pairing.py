@@ -74,8 +74,8 @@ def gated(low: int, high: int, member: Ints, arrays: Arrays, gate_m: float) -> A
     halo = arrays["halo_start"], arrays["halo_spot"]
     *of_crowds, counts = arrays["crowds"]
     crowds = kernels.association.crowds.Crowds(*of_crowds, int(counts[0]), int(counts[1]))
-    out: Array = kernels.association.candidate_pairs.candidate_pairs(low, high, member, arrays["place"], halo, crowds, gate_m)
-    return out
+    pairs: Array = kernels.association.candidate_pairs.candidate_pairs(low, high, member, arrays["place"], halo, crowds, gate_m)
+    return pairs
 
 
 def one_to_one(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> Ints:
@@ -107,14 +107,14 @@ def associations_of(
     gain: Floats,
     *,
     is_distance: bool,
-    of: PassedPairs | Associations,
+    counts: PassedPairs | Associations,
 ) -> Associations:
     """The vessels that these pairs make, and the pairs that are kept.
 
-    Args: first, second, statistic, gain: (A,); is_distance: as `Associations.statistic_is_distance`; of: what has the counts of pairs.
+    Args: first, second, statistic, gain: (A,); is_distance: as `Associations.statistic_is_distance`; counts: of pairs.
     """
     vessel, kept = vessels(tracks, first, second, gain)
-    return Associations(first[kept], second[kept], statistic[kept], vessel, of.tested, of.left_out, is_distance)
+    return Associations(first[kept], second[kept], statistic[kept], vessel, counts.tested, counts.left_out, is_distance)
 
 
 def vessels(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> tuple[Ints, Ints]:
@@ -141,7 +141,8 @@ def _with_repeated_source(vessel: Ints, source: Ints) -> Bools:
     """Whether each vessel has two tracks of one source. Args: (N,), (N,). Returns: (V,)."""
     size = np.bincount(vessel)
     rows = np.flatnonzero(size[vessel] > 2)  # two tracks that are a pair are of different sources
-    both = np.sort(vessel[rows] * (int(source.max(initial=0)) + 1) + source[rows])
-    out = np.zeros(len(size), np.bool_)
-    out[both[1:][both[1:] == both[:-1]] // (int(source.max(initial=0)) + 1)] = True
-    return out
+    sources = int(source.max(initial=0)) + 1
+    key = np.sort(vessel[rows] * sources + source[rows])
+    has_repeated = np.zeros(len(size), np.bool_)
+    has_repeated[key[1:][key[1:] == key[:-1]] // sources] = True
+    return has_repeated

@@ -80,8 +80,8 @@ class WindowedCovariance(Method):
         gain = self._gains(arrays, pairs.first, pairs.second, pairs.score[:, 1])
         chosen = one_to_one(tracks, pairs.first, pairs.second, gain)
         first, second, score = pairs.first[chosen], pairs.second[chosen], pairs.score[chosen, 0]
-        found = associations_of(tracks, first, second, score, gain[chosen], is_distance=False, of=pairs)
-        return WindowMemory(history), found
+        associations = associations_of(tracks, first, second, score, gain[chosen], is_distance=False, counts=pairs)
+        return WindowMemory(history), associations
 
     def _gains(self, arrays: Arrays, first: Ints, second: Ints, density: Floats) -> Floats:
         """What each accepted pair is worth in the assignment: its newest score where it shares a track, else 1. (A,)"""

@@ -73,7 +73,7 @@ class WindowedCovarianceLiteral(Method):
         gain = 2.0 * self.limit() - x
         chosen = one_to_one(tracks, first, second, gain) if self.one_to_one else _nearest(tracks, first, second, x)
         first, second, x = first[chosen], second[chosen], x[chosen]
-        return LiteralMemory(history), associations_of(tracks, first, second, x, gain[chosen], is_distance=True, of=pairs)
+        return LiteralMemory(history), associations_of(tracks, first, second, x, gain[chosen], is_distance=True, counts=pairs)
 
 
 def accept_in_spots(settings: WindowedCovarianceLiteral, arrays: Arrays, spots: Groups) -> tuple[Array, ...]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coastwatch.associations.bearing_members import bearing_members, held_vessels, vessel_bearings
+from coastwatch.associations.bearing_members import bearing_members, bearing_only_vessels, vessel_bearings
 from coastwatch.batches import (
     AisAlarms,
     Associations,
@@ -117,7 +117,7 @@ class Centre:
             given = vessel_bearings(self.before, bearings, tracks, groups)
         self.memory = load(save(self.memory))
         self.memory, every = self.method.step(self.memory, FusionInput(tracks, measured, groups, time_s, KINDS, given))
-        fused, held = held_vessels(given, every, len(tracks))
+        fused, held = bearing_only_vessels(given, every, len(tracks))
         self.picture_memory, (picture, members) = self.identity.step(
             self.picture_memory, PictureInput(tracks, groups, fused, AisAlarms.empty(), time_s, self.sensors, held)
         )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from radar_world import ORIGIN_DEG, PERIOD_S, cut, every_tracker, plots_of, two_radars, world
 
-from coastwatch.associations.held import counted_once, held_tracks
+from coastwatch.associations.merged_ais import counted_once, find_merged_ais
 from coastwatch.batches import Associations, Messages, Plots, SourceKind, Spots, Tracks, VesselBearings
 from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
@@ -188,7 +188,7 @@ def test_an_ais_track_whose_messages_are_in_a_radar_track_is_of_it_and_not_fused
     each = np.arange(5), source, zero, place, np.zeros((5, 2)), spread, spread[:, :2, :2], zero, zero
     tracks = Tracks(*each, mmsi, np.full(5, -1), held_mmsi=np.array([7, -1, -1, -1, -1]))
     kinds = np.array([SourceKind.RADAR, SourceKind.AIS])
-    held = held_tracks(tracks, kinds, 1000.0)
+    held = find_merged_ais(tracks, kinds, 1000.0)
     assert (held.ais.tolist(), held.holder.tolist()) == ([2], [0])
     spots = held.spots_of_others(Spots(np.zeros((1, 3)), np.zeros(5, np.int64), np.array([0, 0]), np.array([2, 4])))
     assert (len(spots.spot), spots.halo_row.tolist()) == (4, [3])
@@ -211,7 +211,7 @@ def test_the_better_pair_of_the_vessel_of_a_held_track_stands(is_distance, stati
     each = np.arange(4), np.array([0, 1, 2, 2]), zero, place, np.zeros((4, 2)), spread, spread[:, :2, :2], zero, zero
     tracks = Tracks(*each, np.array([-1, -1, 7, 8]), np.full(4, -1), held_mmsi=np.array([7, -1, -1, -1]))
     kinds = np.array([SourceKind.RADAR, SourceKind.RADAR, SourceKind.AIS])
-    held = held_tracks(tracks, kinds, 1000.0)
+    held = find_merged_ais(tracks, kinds, 1000.0)
     found = Associations(np.array([0, 1]), np.array([1, 2]), np.array(statistic), np.zeros(3, np.int64), 2)
     found = replace(found, statistic_is_distance=is_distance)
     joined = held.joined_to(found, tracks, kinds)

@@ -18,7 +18,7 @@ LEAST_LOG_ODDS = math.log(0.98 / 0.02)  # that an id is that of the track which 
 
 
 @dataclass(frozen=True, eq=False)
-class HeldTracks:
+class MergedAis:
     """Pairs of an AIS track and the radar track that holds its messages; the AIS tracks each once."""
 
     ais: Ints  # (B,) row
@@ -39,27 +39,27 @@ class HeldTracks:
         halo = row[spots.halo_row]
         return Spots(spots.centre_m, spots.spot[others], spots.halo_spot[halo >= 0], halo[halo >= 0])
 
-    def joined_to(self, found: Associations, tracks: Tracks, kinds: Ints) -> Associations:
+    def joined_to(self, associations: Associations, tracks: Tracks, kinds: Ints) -> Associations:
         """Associations of all tracks. A holder has no other AIS track.
 
         The statistic of an AIS track and its holder is 0 where it is a distance, else `LEAST_LOG_ODDS`.
-        Args: found: those of `others`; kinds: as of `held_tracks`.
+        Args: associations: those of `others`; kinds: as of `find_merged_ais`.
         """
-        is_distance = found.statistic_is_distance
+        is_distance = associations.statistic_is_distance
         others, is_holder = self.others, np.zeros(self.count, np.bool_)
         is_holder[self.holder] = True
         is_ais = kinds[tracks.source] == SourceKind.AIS
-        one, other = others[found.first], others[found.second]
+        one, other = others[associations.first], others[associations.second]
         free = ~(is_holder[one] & is_ais[other] | is_holder[other] & is_ais[one])
         first = np.concatenate([one[free], np.minimum(self.ais, self.holder)])
         second = np.concatenate([other[free], np.maximum(self.ais, self.holder)])
         certain = np.full(len(self.ais), 0.0 if is_distance else LEAST_LOG_ODDS)
-        statistic = np.concatenate([found.statistic[free], certain])
-        better = -found.statistic[free] if is_distance else found.statistic[free]
+        statistic = np.concatenate([associations.statistic[free], certain])
+        better = -associations.statistic[free] if is_distance else associations.statistic[free]
         gain = np.concatenate([better, np.full(len(self.ais), np.inf)])
         order = np.lexsort((second, first))
         first, second, statistic, gain = first[order], second[order], statistic[order], gain[order]
-        return associations_of(tracks, first, second, statistic, gain, is_distance=is_distance, of=found)
+        return associations_of(tracks, first, second, statistic, gain, is_distance=is_distance, counts=associations)
 
 
 def associate(
@@ -69,15 +69,15 @@ def associate(
 
     Args: gate_m: of the method; kinds: SourceKind of each source.
     """
-    merged = held_tracks(every.tracks, kinds, gate_m)
+    merged = find_merged_ais(every.tracks, kinds, gate_m)
     if not len(merged.ais):
         return method.next(every)
     others = AssociationInput(every.tracks.take(merged.others), merged.spots_of_others(every.spots), every.map_)
-    after, found = method.next(others)
-    return after, merged.joined_to(found, every.tracks, kinds)
+    after, associations = method.next(others)
+    return after, merged.joined_to(associations, every.tracks, kinds)
 
 
-def held_tracks(tracks: Tracks, kinds: Ints, gate_m: float) -> HeldTracks:
+def find_merged_ais(tracks: Tracks, kinds: Ints, gate_m: float) -> MergedAis:
     """Which AIS tracks are held by which radar tracks: of the MMSI that the radar track reports, the nearest to it inside a gate.
 
     Two tracks of one MMSI, or two radar tracks that hold one, are paired by distance.
@@ -90,10 +90,10 @@ def held_tracks(tracks: Tracks, kinds: Ints, gate_m: float) -> HeldTracks:
     low, high = (np.searchsorted(tracks.mmsi[ais], tracks.held_mmsi[holder], side) for side in ("left", "right"))
     row = np.repeat(np.arange(len(holder)), high - low)
     place = np.arange(len(row)) - np.repeat(np.cumsum(high - low) - (high - low), high - low) + low[row]
-    apart = np.hypot(*difference_m(tracks.position_deg[ais[place]], tracks.position_deg[holder[row]]).T)
-    chosen = kernels.association.assignment.assign(row, place, gate_m - apart)
-    chosen &= apart < gate_m
-    return HeldTracks(ais[place[chosen]], holder[row[chosen]], len(tracks))
+    distance_m = np.hypot(*difference_m(tracks.position_deg[ais[place]], tracks.position_deg[holder[row]]).T)
+    chosen = kernels.association.assignment.assign(row, place, gate_m - distance_m)
+    chosen &= distance_m < gate_m
+    return MergedAis(ais[place[chosen]], holder[row[chosen]], len(tracks))
 
 
 def counted_once(
