@@ -105,10 +105,10 @@ def _decide(
     new.azimuth_rad[r], new.range_m[r], new.groups[r] = best.azimuth_rad, best.range_m, best.groups
     new.odds[r], new.rival_share[r] = np.exp(min(best.log_odds, MOST_LOG)), best.rival_share
     significant = enough and _significant(best, rules)
-    apart = is_apart(best.azimuth_rad, applied_rad, sigma, rules.grid.step_rad)
+    is_other = is_apart(best.azimuth_rad, applied_rad, sigma, rules.grid.step_rad)
     beaten = best.log_evidence - log_evidence_at(field, applied_rad) > -np.log(rules.false_alarm)
-    new.doubtful[r] = bool(new.found[r]) and significant and apart and not beaten
-    if significant and (not new.found[r] or (apart and beaten)):
+    new.doubtful[r] = bool(new.found[r]) and significant and is_other and not beaten
+    if significant and (not new.found[r] or (is_other and beaten)):
         if not new.found[r]:
             new.watch_s[r] = np.clip(WATCH_FACTOR * (time_s - new.begun_s[r]), WATCH_LEAST_S, WATCH_MOST_S)
         new.found[r] = new.acquired[r] = True
@@ -116,7 +116,7 @@ def _decide(
         new.centre[r, :2] = best.azimuth_rad, best.range_m
     elif (
         new.found[r]
-        and not apart
+        and not is_other
         and best.groups >= rules.least_voices
         and best.share >= SURE_SHARE
         and new.odds[r] > FIRM_ODDS

@@ -69,8 +69,8 @@ def bearing_equations(waiting: WaitingPlots, given: RegistrationInput) -> tuple[
     if not len(waiting):
         return waiting, Equations.empty()
     plot, bearing = _pair_with_bearings(waiting, given.picture, given.members, given.bearing_associations)
-    apart = _unambiguous(bearing_tracks, sensors)[bearing]
-    plot, bearing = plot[apart], bearing[apart]
+    unambiguous = _unambiguous(bearing_tracks, sensors)[bearing]
+    plot, bearing = plot[unambiguous], bearing[unambiguous]
     first, ready = _bearings_around(bearing_tracks, bearing, waiting.time_s[plot])
     plot, bearing, first = plot[ready], bearing[ready], first[ready]
     used = np.zeros(len(waiting), np.bool_)
@@ -100,36 +100,36 @@ def bearing_equations(waiting: WaitingPlots, given: RegistrationInput) -> tuple[
 
 
 def _pair_with_bearings(
-    waiting: WaitingPlots, picture: Picture, members: Members, found: BearingAssociations
+    waiting: WaitingPlots, picture: Picture, members: Members, associations: BearingAssociations
 ) -> tuple[Ints, Ints]:
     """Pairs of a waiting plot and a bearing track that are of one vessel, sorted by plot."""
     order = np.argsort(members.track_id, kind="stable")
     at = find(members.track_id[order], waiting.track_id)
     vessel = np.where(at >= 0, members.vessel_id[order][np.maximum(at, 0)] if len(order) else -1, -1)
-    vessel_of_bearing = picture.vessel_id[found.vessel_row]
+    vessel_of_bearing = picture.vessel_id[associations.vessel_row]
     order = np.argsort(vessel_of_bearing, kind="stable")
     first = np.searchsorted(vessel_of_bearing[order], vessel)
     count = np.where(vessel >= 0, np.searchsorted(vessel_of_bearing[order], vessel, side="right") - first, 0)
     plot = np.repeat(np.arange(len(waiting)), count)
     place = np.arange(len(plot)) - np.repeat(np.cumsum(count) - count - first, count)
-    return plot, found.bearing_row[order][place]
+    return plot, associations.bearing_row[order][place]
 
 
 def _unambiguous(tracks: BearingTracks, sensors: Sensors) -> Bools:
     """Which bearing tracks have no other of their sensor so near that they could be confused. (N,)"""
     sensor = tracks.source - sensors.sonar_source(0)
     order = np.lexsort((tracks.bearing_rad, sensor))
-    angle, of = tracks.bearing_rad[order], sensor[order]
-    count = np.bincount(of, minlength=len(sensors.sonars))
-    start = (np.cumsum(count) - count)[of]
+    angle, own_sensor = tracks.bearing_rad[order], sensor[order]
+    count = np.bincount(own_sensor, minlength=len(sensors.sonars))
+    start = (np.cumsum(count) - count)[own_sensor]
     place = np.arange(len(order)) - start
-    after = start + (place + 1) % count[of]
-    gap = np.where(count[of] > 1, np.abs(wrap_rad(angle[after] - angle)), np.inf)
-    before = start + (place - 1) % count[of]
+    after = start + (place + 1) % count[own_sensor]
+    gap = np.where(count[own_sensor] > 1, np.abs(wrap_rad(angle[after] - angle)), np.inf)
+    before = start + (place - 1) % count[own_sensor]
     near = np.minimum(gap, gap[before])
-    out = np.zeros(len(tracks), np.bool_)
-    out[order] = near > UNAMBIGUOUS_SIGMAS * sensors.sonars.bearing_sigma_rad[of]
-    return out
+    is_unambiguous = np.zeros(len(tracks), np.bool_)
+    is_unambiguous[order] = near > UNAMBIGUOUS_SIGMAS * sensors.sonars.bearing_sigma_rad[own_sensor]
+    return is_unambiguous
 
 
 def _bearings_around(tracks: BearingTracks, bearing: Ints, time_s: Floats) -> tuple[Ints, Bools]:

@@ -73,11 +73,11 @@ def evidence(reference_cells: ReferenceCells, azimuth_sigma_rad: float, grid: Gr
     for low in range(0, len(heard), BLOCK):
         rows = heard[low : low + BLOCK]
         e = _e_values(reference_cells.histograms(rows, grid), reference_cells.looks[rows], along, across, around, searched)
-        of = number[low : low + BLOCK]
-        starts = np.flatnonzero(np.diff(of, prepend=-1))
-        for k, share in enumerate(SEEN_SHARE):
-            logs = weight[low : low + BLOCK] * np.log(np.float32(1.0 - share) + np.float32(share) * e)
-            by_group[k, of[starts]] += np.add.reduceat(logs, starts, axis=0)
+        group_of_row = number[low : low + BLOCK]
+        starts = np.flatnonzero(np.diff(group_of_row, prepend=-1))
+        for k, seen_share in enumerate(SEEN_SHARE):
+            logs = weight[low : low + BLOCK] * np.log(np.float32(1.0 - seen_share) + np.float32(seen_share) * e)
+            by_group[k, group_of_row[starts]] += np.add.reduceat(logs, starts, axis=0)
     most: Any = np.where(group >= 0, np.float32(MOST_UNDER_WAY), np.float32(MOST_AT_REST))
     by_group = np.minimum(by_group, most[:, None, None])
     total = by_group.sum(axis=1, dtype=np.float64)
@@ -98,21 +98,21 @@ def _e_values(histogram: Singles, looks: Floats, along: Singles, across: Singles
     for detection in DETECTION:
         mean = np.float32(IN_BELL * detection) * looked
         ratio += np.exp(np.clip(count * np.log1p(mean / background) - mean, -LARGEST_LOG, LARGEST_LOG))
-    out: Singles = ratio[:, :, searched] / (ratio.mean(axis=1) @ around)[:, None, searched]
-    return out
+    e_value: Singles = ratio[:, :, searched] / (ratio.mean(axis=1) @ around)[:, None, searched]
+    return e_value
 
 
 def _bell(at: Floats, sigma: float) -> Singles:
     """Weight with which a hit in one bin counts in another. (A, A)"""
-    out: Singles = np.exp(-0.5 * ((at[:, None] - at) / sigma) ** 2).astype(np.float32)
-    return out
+    weight: Singles = np.exp(-0.5 * ((at[:, None] - at) / sigma) ** 2).astype(np.float32)
+    return weight
 
 
 def _around(azimuth_rad: Floats) -> Singles:
     """Weights of the mean over the bins around each. (A, A), columns sum to 1"""
     near = np.abs(azimuth_rad[:, None] - azimuth_rad) <= AROUND + 1e-9
-    out: Singles = (near / near.sum(axis=0)).astype(np.float32)
-    return out
+    weight: Singles = (near / near.sum(axis=0)).astype(np.float32)
+    return weight
 
 
 def decide(field: Field, azimuth_sigma_rad: float) -> Decision:
@@ -151,5 +151,5 @@ def _window(field: Field, at: tuple[Any, ...], azimuth_sigma_rad: float) -> Bool
     step = float(field.azimuth_rad[1] - field.azimuth_rad[0])
     half = max(WINDOW_SIGMAS * azimuth_sigma_rad, WINDOW_BINS * step)
     close = np.abs(field.azimuth_rad - field.azimuth_rad[at[1]]) <= half + 1e-9
-    out: Bools = (np.abs(field.range_m - field.range_m[at[0]]) <= WINDOW_M)[:, None] & close
-    return out
+    is_same: Bools = (np.abs(field.range_m - field.range_m[at[0]]) <= WINDOW_M)[:, None] & close
+    return is_same

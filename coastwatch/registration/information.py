@@ -112,9 +112,9 @@ def _summed(parts: Information) -> Information:
     count = max(len(references), 1)
 
     def total(values: Floats) -> Floats:
-        out = np.zeros((len(key), *values.shape[1:]))
-        np.add.at(out, group, values)
-        return out
+        sums_of_rows = np.zeros((len(key), *values.shape[1:]))
+        np.add.at(sums_of_rows, group, values)
+        return sums_of_rows
 
     sums = {name: total(getattr(parts, name)) for name in SUMS}
     return Information(radar=key // count, reference=references[key % count], **sums)

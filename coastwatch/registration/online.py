@@ -32,7 +32,7 @@ from coastwatch.registration.residuals import GATE_M, GATE_SIGMAS, EchoShares, f
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
 
 JUMP_SIGMAS = 2.0  # of a plot: a correction that changes by more leaves tracks in the wrong place
-CANDIDATE_SIGMAS = 0.5  # of the azimuth noise: by which the vote may be off
+CANDIDATE_SIGMAS = 0.5  # of the azimuth noise: by which the bias of the most evidence may be off
 TINY = 1e-30
 LAG = 2  # column of the state (azimuth, range, lag)
 
@@ -75,7 +75,7 @@ class OnlineRegistration(Method):
 
     method: Literal["online"] = "online"
     reference_vessels: Count = 300  # AIS vessels that each radar is compared with, a fixed draw of those in cover
-    watch_vessels: Count = 100  # that vote on a radar whose bias is found: enough vessels to see a step of it
+    watch_vessels: Count = 100  # that stay reference vessels of a radar whose bias is found: enough vessels to see a step of it
     azimuth_search_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 20.0  # to each side
     range_search_m: Positive = 150.0  # to each side
     bin_deg: Positive = 0.75  # width in azimuth of the bins in which differences are counted
@@ -122,10 +122,10 @@ class OnlineRegistration(Method):
             memory.references, given.ais_tracks, alarmed, swept.site_deg, sensors, self.reference_vessels
         )
         vessels = ComparedVessels(given.ais_tracks.take(rows.row), rows.radar)
-        votes = self._votes(vessels, memory.acquisition.found)
-        search = self._search(vessels, votes, memory.estimate, corrections, sensors)
+        is_reference = self._reference_vessels(vessels, memory.acquisition.found)
+        search = self._search(vessels, is_reference, memory.estimate, corrections, sensors)
         pairs = pair_with_vessels(measured, swept, vessels, corrections, search, sensors)
-        group, reference_cells = self._look(memory.reference_cells, vessels, votes, pairs, measured, swept, dt, sensors)
+        group, reference_cells = self._look(memory.reference_cells, vessels, is_reference, pairs, measured, swept, dt, sensors)
         seen = np.bincount(vessels.radar, minlength=len(sensors.radars))
         acquisition, reference_cells = decide_all(
             memory.acquisition, reference_cells, memory.estimate.mean, seen, time_s, self._rules(), sensors
@@ -183,37 +183,37 @@ class OnlineRegistration(Method):
         """When a bias is taken."""
         return Rules(self.decision_s, self.vote_memory_s, self.false_alarm, self.least_vessels, self.least_voices, self._grid())
 
-    def _votes(self, vessels: ComparedVessels, found: Bools) -> Bools:
-        """Which vessels vote: all of a radar whose bias is not found, else a fixed draw. (V,)"""
+    def _reference_vessels(self, vessels: ComparedVessels, found: Bools) -> Bools:
+        """Which vessels are reference vessels: all of a radar whose bias is not found, else a fixed draw. (V,)"""
         order = np.lexsort((id_hash(vessels.tracks.track_id), vessels.radar))
         place = np.empty(len(order), np.int64)
         place[order] = np.arange(len(order)) - np.searchsorted(vessels.radar, vessels.radar)
-        votes: Bools = ~found[vessels.radar] | (place < self.watch_vessels)
-        return votes
+        is_reference: Bools = ~found[vessels.radar] | (place < self.watch_vessels)
+        return is_reference
 
     def _search(
         self,
         vessels: ComparedVessels,
-        votes: Bools,
+        is_reference: Bools,
         estimate: Estimate,
         corrections: RadarCorrections,
         sensors: Sensors,
     ) -> Search:
-        """What is looked for: every bias with vessels that vote, what is in the gate of the residuals with the others."""
+        """What is looked for: every bias with reference vessels, what is in the gate of the residuals with the others."""
         r, grid, units = vessels.radar, self._grid(), self._units(sensors)
         wide = np.array([grid.search_m, grid.search_rad + AROUND])
         # Residuals move by the change of the lag; those in azimuth count below one deviation of the noise in a second.
         lag_s = np.abs(estimate.mean[r, LAG] - corrections.time_lag_s[r])
         speed = np.hypot(vessels.tracks.velocity_m_s[:, 0], vessels.tracks.velocity_m_s[:, 1])
         gate = np.column_stack([GATE_M + speed * lag_s, (GATE_SIGMAS + lag_s) * units[r, 0]])
-        centre = np.where(votes[:, None], 0.0, estimate.mean[r][:, [1, 0]])
-        return Search(centre, np.where(votes[:, None], wide, gate))
+        centre = np.where(is_reference[:, None], 0.0, estimate.mean[r][:, [1, 0]])
+        return Search(centre, np.where(is_reference[:, None], wide, gate))
 
     def _look(
         self,
         reference_cells: tuple[ReferenceCells, ...],
         compared: ComparedVessels,
-        votes: Bools,
+        is_reference: Bools,
         pairs: Pairs,
         measured: PolarMeasurements,
         swept: Sweeps,
@@ -227,7 +227,7 @@ class OnlineRegistration(Method):
         at_rest = np.hypot(vessels.velocity_m_s[:, 0], vessels.velocity_m_s[:, 1]) < AT_REST_M_S
         after = []
         for k, mine in enumerate(reference_cells):
-            rows = np.flatnonzero((r == k) & votes)
+            rows = np.flatnonzero((r == k) & is_reference)
             if not len(rows):
                 after.append(mine)
                 continue
@@ -240,27 +240,27 @@ class OnlineRegistration(Method):
         return np.where(at_rest, square, vessels.track_id), tuple(after)
 
     def _drifts(self, information: Information, acquisition: Acquisition, estimate: Estimate) -> Bools:
-        """Which radars drift: the newest residuals contradict the estimate, and the votes do not contradict them. (R,)"""
-        found = drift(information, len(acquisition))
+        """Which radars drift: the newest residuals contradict the estimate, and the reference vessels do not contradict them. (R,)"""
+        newest = drift(information, len(acquisition))
         to_candidate = acquisition.azimuth_rad - estimate.mean[:, 0]
-        contradicted = np.where(np.isfinite(to_candidate), -np.sign(found.mean) * to_candidate, 0.0)
-        out: Bools = (found.sigmas > DRIFT_SIGMAS) & (contradicted <= 0.5 * self._grid().step_rad)
-        return out
+        contradicted = np.where(np.isfinite(to_candidate), -np.sign(newest.mean) * to_candidate, 0.0)
+        drifts: Bools = (newest.sigmas > DRIFT_SIGMAS) & (contradicted <= 0.5 * self._grid().step_rad)
+        return drifts
 
     def _solved(self, information: Information, centre: Floats, sensors: Sensors) -> Estimate:
         """The estimate of each radar in rad, m and s."""
         units, n = self._units(sensors), len(centre)
         candidate_sigma = np.hypot(CANDIDATE_SIGMAS * units[:, 0], 0.5 * self._grid().step_rad)
         prior = np.column_stack([candidate_sigma, np.full(n, self.range_prior_m), np.full(n, self.lag_prior_s)])
-        found = solve(information, centre / units, prior / units)
-        return found._replace(mean=found.mean * units, sigma=found.sigma * units)
+        estimate = solve(information, centre / units, prior / units)
+        return estimate._replace(mean=estimate.mean * units, sigma=estimate.sigma * units)
 
     def _corrections(
         self, memory: OnlineMemory, seen: Ints, swept: Sweeps, before: RadarCorrections, dt: float, sensors: Sensors
     ) -> RadarCorrections:
         """The next corrections: at once where a bias was acquired, else a step towards the estimate."""
-        units, estimate, known = self._units(sensors), memory.estimate, memory.acquisition
-        locked, acquired = known.found[:, None], known.acquired[:, None]
+        units, estimate, acquisition = self._units(sensors), memory.estimate, memory.acquisition
+        locked, acquired = acquisition.found[:, None], acquisition.acquired[:, None]
         old = np.column_stack([before.azimuth_bias_rad, before.range_bias_m, before.time_lag_s])
         # What is no larger than its deviation is more likely noise than error: shrunk by the positive-part James-Stein rule.
         shrunk = estimate.mean * np.maximum(1.0 - estimate.sigma**2 / np.maximum(estimate.mean**2, TINY), 0.0)
@@ -268,12 +268,12 @@ class OnlineRegistration(Method):
         target[estimate.sigma[:, LAG] > self.lag_known_s, LAG] = old[estimate.sigma[:, LAG] > self.lag_known_s, LAG]
         new = old + (target - old) * (1.0 - np.exp(-dt / self.apply_s))
         # A bias smaller than the noise of a plot can wait for a better estimate: a radar that is right is not shifted.
-        at_once = acquired & (np.abs(known.centre - old) > units) & [True, True, False]
-        new = np.where(at_once, known.centre, np.where(acquired, old, new))
+        at_once = acquired & (np.abs(acquisition.centre - old) > units) & [True, True, False]
+        new = np.where(at_once, acquisition.centre, np.where(acquired, old, new))
         moved = np.abs(new - old)[:, :2] > JUMP_SIGMAS * units[:, :2]
         sigma = np.where(locked | ((estimate.plots > 0.0)[:, None] & [False, False, True]), estimate.sigma, np.nan)
         quiet = np.radians(self.drift_deg_h) * memory.quiet_s / 3600.0
-        newest = drift(memory.information, len(known)).mean * units[:, 0]
+        newest = drift(memory.information, len(acquisition)).mean * units[:, 0]
         sigma[:, 0] = np.sqrt(sigma[:, 0] ** 2 + quiet**2 + newest**2)
         return RadarCorrections(
             azimuth_bias_rad=new[:, 0],
@@ -288,21 +288,23 @@ class OnlineRegistration(Method):
             state=self._state(memory, sigma[:, 0] / units[:, 0], seen),
             jumped=moved[:, 0] | moved[:, 1],
             compared=np.where(np.isfinite(swept.from_s), seen, np.nan),
-            candidate_azimuth_rad=known.azimuth_rad,
-            candidate_range_m=known.range_m,
-            odds=known.odds,
-            found_odds=known.found_odds,
-            voices=np.where(np.isfinite(known.azimuth_rad), known.groups, np.nan),
-            rival_share=known.rival_share,
+            candidate_azimuth_rad=acquisition.azimuth_rad,
+            candidate_range_m=acquisition.range_m,
+            odds=acquisition.odds,
+            found_odds=acquisition.found_odds,
+            voices=np.where(np.isfinite(acquisition.azimuth_rad), acquisition.groups, np.nan),
+            rival_share=acquisition.rival_share,
         )
 
-    def _state(self, memory: OnlineMemory, share: Floats, seen: Ints) -> Ints:
-        """The state of each radar. Args: share: (R,) deviation of the azimuth bias over the azimuth noise."""
-        known, estimate = memory.acquisition, memory.estimate
-        compared = (seen > 0) | (known.begun_s < np.inf) | (estimate.plots > 0.0)
-        probable = (known.odds >= PROBABLE_ODDS) & (known.groups >= self.least_voices) & (seen >= self.least_vessels)
-        settled = (share <= self.settled_share) & (estimate.references >= self.least_vessels)
+    def _state(self, memory: OnlineMemory, sigma_share: Floats, seen: Ints) -> Ints:
+        """The state of each radar. Args: sigma_share: (R,) deviation of the azimuth bias over the azimuth noise."""
+        acquisition, estimate = memory.acquisition, memory.estimate
+        compared = (seen > 0) | (acquisition.begun_s < np.inf) | (estimate.plots > 0.0)
+        probable = (
+            (acquisition.odds >= PROBABLE_ODDS) & (acquisition.groups >= self.least_voices) & (seen >= self.least_vessels)
+        )
+        settled = (sigma_share <= self.settled_share) & (estimate.references >= self.least_vessels)
         state = np.where(compared, RegistrationState.ACQUIRING, RegistrationState.UNKNOWN)
         state = np.where(probable, RegistrationState.PROBABLE, state)
-        state = np.where(known.found, np.where(settled, RegistrationState.SETTLED, RegistrationState.FOUND), state)
-        return np.where(known.found & known.doubtful, RegistrationState.DOUBTFUL, state).astype(np.int64)
+        state = np.where(acquisition.found, np.where(settled, RegistrationState.SETTLED, RegistrationState.FOUND), state)
+        return np.where(acquisition.found & acquisition.doubtful, RegistrationState.DOUBTFUL, state).astype(np.int64)

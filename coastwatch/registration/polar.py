@@ -134,15 +134,15 @@ def pair_with_vessels(
     site_deg[moving] = from_plane(measured.site_m[plot[moving]], origin_deg)
     of_plots = measured.time_s[plot] - lag_s[radar], measured.range_m[plot], measured.azimuth_rad[plot], site_deg
     of_vessels = vessels.time_s, vessels.position_deg, vessels.velocity_m_s, vessels.known_covariance(1.0)
-    found = Pairs(plot, vessel, radar, *np.ascontiguousarray(kernel.differences(vessel, of_plots, of_vessels).T))
+    pairs = Pairs(plot, vessel, radar, *np.ascontiguousarray(kernel.differences(vessel, of_plots, of_vessels).T))
     centre, reach = search.centre[vessel], search.reach[vessel]
-    close = (np.abs(found.range_m - centre[:, 0]) <= reach[:, 0]) & (np.abs(found.azimuth_rad - centre[:, 1]) <= reach[:, 1])
-    return found.take(close & (found.distance_m <= sensors.radars.range_m[radar] + reach[:, 0]))
+    close = (np.abs(pairs.range_m - centre[:, 0]) <= reach[:, 0]) & (np.abs(pairs.azimuth_rad - centre[:, 1]) <= reach[:, 1])
+    return pairs.take(close & (pairs.distance_m <= sensors.radars.range_m[radar] + reach[:, 0]))
 
 
 def is_only_one(key: Array, rows: Bools) -> Bools:
     """Which of the asked rows have a key that no other of them has. Args: key: (A,); rows: (A,) those asked. Returns: (A,)."""
-    _, of, count = np.unique(key[rows], return_inverse=True, return_counts=True)
-    out = np.zeros(len(key), np.bool_)
-    out[rows] = count[of] == 1
-    return out
+    _, key_of_row, count = np.unique(key[rows], return_inverse=True, return_counts=True)
+    is_only = np.zeros(len(key), np.bool_)
+    is_only[rows] = count[key_of_row] == 1
+    return is_only

@@ -55,8 +55,8 @@ class Grid:
         """Number of the bin of each difference inside the grid."""
         at = np.rint(range_m / RANGE_STEP_M), np.rint(azimuth_rad / self.step_rad)
         rows, columns = self.shape
-        out: Ints = (at[0] + rows // 2).astype(np.int64) * columns + (at[1] + columns // 2).astype(np.int64)
-        return out
+        number: Ints = (at[0] + rows // 2).astype(np.int64) * columns + (at[1] + columns // 2).astype(np.int64)
+        return number
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,9 +98,9 @@ class ReferenceCells(Struct):
         """Turns with a plot in each bin, of some reference cells. (N, D, A) Args: reference_cells: (N,) increasing."""
         at = find(reference_cells, self.counts.reference_cell.astype(np.int64))
         mine = np.flatnonzero(at >= 0)
-        out = np.zeros((len(reference_cells), grid.shape[0] * grid.shape[1]), np.float32)
-        out[at[mine], self.counts.bin[mine]] = self.counts.turns[mine]
-        return out.reshape(-1, *grid.shape)
+        turns = np.zeros((len(reference_cells), grid.shape[0] * grid.shape[1]), np.float32)
+        turns[at[mine], self.counts.bin[mine]] = self.counts.turns[mine]
+        return turns.reshape(-1, *grid.shape)
 
     def __len__(self) -> int:
         return len(self.track_id)
@@ -119,8 +119,8 @@ class Seen(Struct):
 def squares(position_m: Floats) -> Ints:
     """The number of the square in which each position is, below 0. Args: (V, 2) in the plane of the region."""
     east, north = np.floor(position_m / SQUARE_M).astype(np.int64).T
-    out: Ints = -1 - ((east + 2**20) * 2**21 + north + 2**20)
-    return out
+    number: Ints = -1 - ((east + 2**20) * 2**21 + north + 2**20)
+    return number
 
 
 def look(
@@ -152,11 +152,11 @@ def _reference_cells_of(reference_cells: ReferenceCells, seen: Seen, far: Bools)
     cell = (sector * RINGS + ring) * 2 + seen.at_rest
     group = np.where(seen.at_rest, seen.square, seen.track_id)
     vessels = np.unique(seen.track_id)
-    known, wanted = find(vessels, reference_cells.track_id), find(vessels, seen.track_id)
+    vessel_of_cell, vessel_now = find(vessels, reference_cells.track_id), find(vessels, seen.track_id)
     cells = 2 * RINGS * 128
-    key = np.where(known >= 0, known * cells + reference_cells.cell, -1)
+    key = np.where(vessel_of_cell >= 0, vessel_of_cell * cells + reference_cells.cell, -1)
     order = np.argsort(key, kind="stable")
-    at = find(key[order], wanted * cells + cell)
+    at = find(key[order], vessel_now * cells + cell)
     reference_cell = np.where(at >= 0, order[at] if len(order) else -1, -1)
     fresh = np.flatnonzero((reference_cell < 0) & far)
     fresh = fresh[np.argsort(seen.track_id[fresh], kind="stable")][: MOST_REFERENCE_CELLS - len(reference_cells)]

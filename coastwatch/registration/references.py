@@ -86,11 +86,11 @@ def _newly_drawn(drawn: Ints, tracks: Tracks, alarmed: Bools, site_deg: Floats, 
     row, sector = _in_cover(row, tracks, alarmed, site_deg, reach_m)
     certain = _is_certain(row, tracks)
     row, sector = row[certain], sector[certain]
-    taken = np.bincount(_in_cover(drawn, tracks, alarmed, site_deg, reach_m)[1], minlength=SECTORS)
+    drawn_in_sector = np.bincount(_in_cover(drawn, tracks, alarmed, site_deg, reach_m)[1], minlength=SECTORS)
     order = np.lexsort((id_hash(tracks.track_id[row]), sector))
     row, sector = row[order], sector[order]
     size = np.bincount(sector, minlength=SECTORS)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(size) - size, size) + taken[sector]
+    place = np.arange(len(row)) - np.repeat(np.cumsum(size) - size, size) + drawn_in_sector[sector]
     return row[np.lexsort((id_hash(tracks.track_id[row]), place))[:wanted]]
 
 

@@ -62,17 +62,17 @@ def plot_equations(
     p, r = pairs.take(inside), r[inside]
     range_variance = range_noise[inside] ** 2 + p.range_variance_m2
     azimuth_variance = azimuth_noise[inside] ** 2 + p.across_variance_m2 / p.distance_m**2
-    range_spread = range_variance + offset_sigma_m**2 + np.minimum(estimate.sigma[r, 1], offset_sigma_m) ** 2
-    range_spread = range_spread + (p.range_rate_m_s * lag_sigma[inside]) ** 2
-    azimuth_spread = azimuth_variance + (offset_sigma_m / p.distance_m) ** 2
-    azimuth_spread = azimuth_spread + (p.azimuth_rate_rad_s * lag_sigma[inside]) ** 2
-    azimuth_spread = azimuth_spread + np.minimum(estimate.sigma[r, 0] ** 2, azimuth_variance)
-    distance2 = range_residual[inside] ** 2 / range_spread + azimuth_residual[inside] ** 2 / azimuth_spread
-    gaussian = np.exp(-0.5 * distance2) / (2.0 * np.pi * np.sqrt(range_spread * azimuth_spread))
+    range_total_variance = range_variance + offset_sigma_m**2 + np.minimum(estimate.sigma[r, 1], offset_sigma_m) ** 2
+    range_total_variance = range_total_variance + (p.range_rate_m_s * lag_sigma[inside]) ** 2
+    azimuth_total_variance = azimuth_variance + (offset_sigma_m / p.distance_m) ** 2
+    azimuth_total_variance = azimuth_total_variance + (p.azimuth_rate_rad_s * lag_sigma[inside]) ** 2
+    azimuth_total_variance = azimuth_total_variance + np.minimum(estimate.sigma[r, 0] ** 2, azimuth_variance)
+    distance2 = range_residual[inside] ** 2 / range_total_variance + azimuth_residual[inside] ** 2 / azimuth_total_variance
+    gaussian = np.exp(-0.5 * distance2) / (2.0 * np.pi * np.sqrt(range_total_variance * azimuth_total_variance))
     even = 1.0 / (4.0 * GATE_SIGMAS * azimuth_noise[inside] * GATE_M)
     track_id = vessels.track_id[p.vessel]
-    share = _share(shares, r, track_id)
-    probability = share * gaussian / (share * gaussian + (1.0 - share) * even)
+    echo_share = _echo_share(shares, r, track_id)
+    probability = echo_share * gaussian / (echo_share * gaussian + (1.0 - echo_share) * even)
 
     n, zero, lag = len(p), np.zeros(len(p)), lag_s[r]
     range_sigma, azimuth_sigma = np.sqrt(range_variance), np.sqrt(azimuth_variance)
@@ -101,22 +101,22 @@ def forgotten(shares: EchoShares, keep: Floats) -> EchoShares:
     return old.take(old.pairs > LEAST_PAIRS)
 
 
-def _share(shares: EchoShares, radar: Ints, track_id: Ints) -> Floats:
+def _echo_share(shares: EchoShares, radar: Ints, track_id: Ints) -> Floats:
     """The share of echoes among the plots in the gate of each radar and vessel."""
     pairs, echoes = np.zeros(len(radar)), np.zeros(len(radar))
     for r in np.unique(radar).tolist():
         mine, asked = np.flatnonzero(shares.radar == r), np.flatnonzero(radar == r)
         at = kernels.tables.lookup.find(shares.track_id[mine], track_id[asked])
-        known = at >= 0
-        pairs[asked[known]] = shares.pairs[mine[at[known]]]
-        echoes[asked[known]] = shares.echoes[mine[at[known]]]
+        has_pairs = at >= 0
+        pairs[asked[has_pairs]] = shares.pairs[mine[at[has_pairs]]]
+        echoes[asked[has_pairs]] = shares.echoes[mine[at[has_pairs]]]
     return (echoes + PRIOR_ECHOES) / (pairs + PRIOR_PAIRS)
 
 
 def _with_pairs(shares: EchoShares, new: EchoShares) -> EchoShares:
     """The sums of both, one row for each radar and vessel."""
-    both = EchoShares.join([shares, new])
-    ids, which = np.unique(both.track_id, return_inverse=True)
-    key, group = np.unique(both.radar * len(ids) + which, return_inverse=True)
-    pairs, echoes = (np.bincount(group, v, len(key)).astype(np.float64) for v in (both.pairs, both.echoes))
+    joined = EchoShares.join([shares, new])
+    ids, which = np.unique(joined.track_id, return_inverse=True)
+    key, group = np.unique(joined.radar * len(ids) + which, return_inverse=True)
+    pairs, echoes = (np.bincount(group, v, len(key)).astype(np.float64) for v in (joined.pairs, joined.echoes))
     return EchoShares(key // max(len(ids), 1), ids[key % max(len(ids), 1)], pairs, echoes)
