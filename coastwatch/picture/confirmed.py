@@ -84,8 +84,8 @@ def confirm(
     np.add.at(source_s, source, now_s)
     weight = settings.confirm_s
     prior = (source_s[:, 1] + 0.5 * weight) / (source_s.sum(axis=1) + weight)
-    share = (track_s[:, 1] + weight * prior[source]) / (track_s.sum(axis=1) + weight)
+    confirmed_share = (track_s[:, 1] + weight * prior[source]) / (track_s.sum(axis=1) + weight)
     shown[row] = False
     shown[row_of_track[~judged]] = True
-    shown[row[confirmed | (share >= settings.confirmed_share)]] = True
+    shown[row[confirmed | (confirmed_share >= settings.confirmed_share)]] = True
     return Confirmations(tracks.track_id[mine], track_s, source_s, np.array([time_s])), shown

@@ -116,10 +116,10 @@ def flag(
 
 def _should_be_seen(settings: IdentitySettings, detection: AisDetection, track_id: Ints, row: Ints, rows: int) -> Bools:
     """Which rows of the picture have an AIS track that some radar should see. (R,) Args: track_id, row: (B,) of AIS tracks."""
-    out, at = np.zeros(rows, np.bool_), kernels.tables.match_ids.index_of(detection.track_id, track_id)
+    should_see, at = np.zeros(rows, np.bool_), kernels.tables.match_ids.index_of(detection.track_id, track_id)
     has_row = at >= 0
-    out[row[has_row]] = detection.probability[at[has_row]] >= settings.should_see
-    return out
+    should_see[row[has_row]] = detection.probability[at[has_row]] >= settings.should_see
+    return should_see
 
 
 def _since(
@@ -145,12 +145,12 @@ def _since(
     runs = cover.within(picture.position_deg, holds)
     begins = runs & ~np.isfinite(held_s)
     begins_s = cover.begins_s(picture.position_deg, begins, time_s, returns_s)
-    out = np.where(runs, np.where(begins, begins_s, held_s), np.inf)
+    since_s = np.where(runs, np.where(begins, begins_s, held_s), np.inf)
     from_s = cover.stands_from_s(picture.position_deg, may_hold & ~runs)
     stands = np.isfinite(from_s)
     elapsed_s = from_s[stands] - held_s[stands]
-    out[stands] = np.where(elapsed_s > 0.0, time_s - elapsed_s, np.inf)
-    return out
+    since_s[stands] = np.where(elapsed_s > 0.0, time_s - elapsed_s, np.inf)
+    return since_s
 
 
 def _stationary(
@@ -254,15 +254,15 @@ def nav_statuses(before: Ints, tracks: Tracks, row_of_track: Ints, alarms: AisAl
     """
     ais = np.flatnonzero(tracks.mmsi >= 0)
     at = kernels.tables.match_ids.index_of(alarms.track_id, tracks.track_id[ais])
-    out, has_status = before.copy(), at >= 0
-    out[row_of_track[ais[has_status]]] = alarms.nav_status[at[has_status]]
-    return out
+    status, has_status = before.copy(), at >= 0
+    status[row_of_track[ais[has_status]]] = alarms.nav_status[at[has_status]]
+    return status
 
 
 def ais_flags(mmsi: Ints, nav_status: Ints) -> Ints:
     """The flags that follow from an MMSI and a navigational status. Args: (R,) -1: none. Returns: (R,)"""
     device = mmsi // 1_000_000
-    when = {
+    holds_by_flag = {
         Flag.ODD_MMSI: (mmsi >= 0) & ~is_vessel(mmsi),
         Flag.AIS_SART: (device == AIS_SART)
         | ((nav_status == NavStatus.AIS_SART_ACTIVE) & (device != MAN_OVERBOARD) & (device != EPIRB)),
@@ -271,7 +271,7 @@ def ais_flags(mmsi: Ints, nav_status: Ints) -> Ints:
         Flag.NOT_UNDER_COMMAND: nav_status == NavStatus.NOT_UNDER_COMMAND,
         Flag.AGROUND: nav_status == NavStatus.AGROUND,
     }
-    out = np.zeros(len(mmsi), np.int64)
-    for flag, holds in when.items():
-        out[holds] |= int(flag)
-    return out
+    flags = np.zeros(len(mmsi), np.int64)
+    for flag, holds in holds_by_flag.items():
+        flags[holds] |= int(flag)
+    return flags

@@ -102,13 +102,13 @@ def next_past(before: AisPast, picture: Picture, hidden_id: Ints, now: AisNow, t
 
 def outdated(mmsi: Ints, vessel_id: Ints, has_ais: Bools, past: AisPast, now: AisNow) -> Bools:
     """Which vessels lose their former MMSI. (K,) Args: mmsi, vessel_id, has_ais: (K,) of shown and hidden vessels."""
-    out, former = np.zeros(len(mmsi), np.bool_), np.flatnonzero((mmsi >= 0) & ~has_ais)
-    out[former] = find(now.mmsi, mmsi[former]) >= 0
-    rest = former[~out[former]]
+    is_outdated, former = np.zeros(len(mmsi), np.bool_), np.flatnonzero((mmsi >= 0) & ~has_ais)
+    is_outdated[former] = find(now.mmsi, mmsi[former]) >= 0
+    rest = former[~is_outdated[former]]
     heard_s = np.append(past.heard_s, -np.inf)[find(past.vessel_id, vessel_id[rest])]
     order = rest[np.lexsort((vessel_id[rest], -heard_s, mmsi[rest]))]
-    out[order[1:][mmsi[order[1:]] == mmsi[order[:-1]]]] = True
-    return out
+    is_outdated[order[1:][mmsi[order[1:]] == mmsi[order[:-1]]]] = True
+    return is_outdated
 
 
 def had_ais(settings: IdentitySettings, past: AisPast, vessel_id: Ints) -> Bools:
@@ -118,29 +118,29 @@ def had_ais(settings: IdentitySettings, past: AisPast, vessel_id: Ints) -> Bools
 
 def name_flags(settings: IdentitySettings, past: AisPast, picture: Picture, now: AisNow, time_s: float) -> Ints:
     """MMSI_TWICE and AIS_CONTRADICTED, as far as they follow from who had an MMSI before. (R,)"""
-    out = np.zeros(len(picture), np.int64)
+    flags = np.zeros(len(picture), np.int64)
     if len(now.mmsi):
         start = np.flatnonzero(np.append(True, now.mmsi[1:] != now.mmsi[:-1]))
         in_two = np.minimum.reduceat(now.row, start) != np.maximum.reduceat(now.row, start)
-        out[now.row[np.repeat(in_two, np.diff(np.append(start, len(now.mmsi))))]] |= int(Flag.MMSI_TWICE)
+        flags[now.row[np.repeat(in_two, np.diff(np.append(start, len(now.mmsi))))]] |= int(Flag.MMSI_TWICE)
 
     since_s = time_s - past.elsewhere_since_s
-    taken = np.flatnonzero(
+    former = np.flatnonzero(
         _was_paired(settings, past) & past.ended & (since_s >= 0.0) & (since_s <= settings.contradicted_for_s)
     )
-    row = find(picture.vessel_id, past.vessel_id[taken])
+    row = find(picture.vessel_id, past.vessel_id[former])
     there = row >= 0
     there[there] = now.has_radar[row[there]] & ~now.has_ais[row[there]]
-    taken, row = taken[there], row[there]
-    first, last = (np.searchsorted(now.mmsi, past.mmsi[taken], side) for side in ("left", "right"))
+    former, row = former[there], row[there]
+    first, last = (np.searchsorted(now.mmsi, past.mmsi[former], side) for side in ("left", "right"))
     count = last - first
-    of = np.repeat(np.arange(len(taken)), count)
-    other_row = now.row[np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count) + first[of]]
-    offset_m = difference_m(picture.position_deg[other_row], picture.position_deg[row[of]])
+    former_of_pair = np.repeat(np.arange(len(former)), count)
+    other_row = now.row[np.arange(len(former_of_pair)) - np.repeat(np.cumsum(count) - count, count) + first[former_of_pair]]
+    offset_m = difference_m(picture.position_deg[other_row], picture.position_deg[row[former_of_pair]])
     far = np.hypot(offset_m[:, 0], offset_m[:, 1]) >= settings.taken_from_m
-    for contradicted in (row[of][far], other_row[far]):
-        out[contradicted] |= int(Flag.AIS_CONTRADICTED)
-    return out
+    for contradicted in (row[former_of_pair][far], other_row[far]):
+        flags[contradicted] |= int(Flag.AIS_CONTRADICTED)
+    return flags
 
 
 def _was_paired(settings: IdentitySettings, past: AisPast) -> Bools:

@@ -15,14 +15,14 @@ from coastwatch.picture.inputs import PictureInput, PictureOutput
 from coastwatch.picture.match import KnownTracks, match_identities
 from coastwatch.picture.order import members_of, order_vessels, picture_of, tracks_of
 from coastwatch.picture.settings import IdentitySettings
-from coastwatch.picture.vessels import Known, existence_of
+from coastwatch.picture.vessels import KnownVessels, existence_of
 
 
 @dataclass(frozen=True, eq=False)
 class PictureMemory:
     """The memory of the picture between cycles."""
 
-    known: Known
+    known: KnownVessels
     tracks: KnownTracks
     next_id: int
     flags: FlagMemory
@@ -51,15 +51,15 @@ class Identity(IdentitySettings):
     """
 
     def init(self) -> PictureMemory:
-        first = Known.none(), KnownTracks.none(), 1, FlagMemory.none(), AisPast.none()
+        first = KnownVessels.none(), KnownTracks.none(), 1, FlagMemory.none(), AisPast.none()
         return PictureMemory(*first, Confirmations.none(), np.zeros(0, np.bool_))
 
     def step(self, memory: PictureMemory, given: PictureInput) -> tuple[PictureMemory, PictureOutput]:
         """The picture of this cycle, and the tracks in it."""
-        tracks, time_s, held = given.tracks, given.time_s, given.held
-        known = memory.known.held_by(held)
+        tracks, time_s, bearing_only = given.tracks, given.time_s, given.bearing_only_vessels
+        known = memory.known.with_estimates(bearing_only)
         columns = known.columns()
-        columns.updated_s[known.rows_of(held.vessel_id)] = time_s
+        columns.updated_s[known.rows_of(bearing_only.vessel_id)] = time_s
         match = match_identities(self, known, columns, memory.tracks, given)
         order = order_vessels(self, columns, match, time_s, memory.next_id)
         picture, known = picture_of(self, known, columns, match, order, tracks, given.fused, time_s)
@@ -82,7 +82,7 @@ class Identity(IdentitySettings):
         return after, PictureOutput(picture, members)
 
 
-def _without_outdated(picture: Picture, known: Known, past: AisPast, now: AisNow) -> tuple[Picture, Known]:
+def _without_outdated(picture: Picture, known: KnownVessels, past: AisPast, now: AisNow) -> tuple[Picture, KnownVessels]:
     """The picture, and the vessels of the next cycle, without the former MMSI and status of those that lose it."""
     hidden, shown = known.hidden, len(picture)
     mmsi, vessel_id = np.append(picture.mmsi, hidden.mmsi), np.append(picture.vessel_id, hidden.vessel_id)

@@ -17,7 +17,7 @@ from coastwatch.batches import (
     Tracks,
 )
 
-NOT_HELD = HeldVessels.empty()
+NO_VESSELS = HeldVessels.empty()
 
 
 class PictureInput(NamedTuple):
@@ -29,7 +29,7 @@ class PictureInput(NamedTuple):
     alarms: AisAlarms  # of AIS tracks
     time_s: float
     sensors: Sensors
-    held: HeldVessels = NOT_HELD  # vessels of the last picture that only bearings hold
+    bearing_only_vessels: HeldVessels = NO_VESSELS  # vessels of the last picture that only bearings hold
     detection: AisDetection | None = (
         None  # of AIS tracks by radars that are heard; none: a radar should see all within its range
     )

@@ -1,6 +1,6 @@
 """Which vessel of the last cycle each group of tracks continues: by votes of its tracks, else by MMSI, else by position.
 
-A vessel is a row of `Known`; a group is a number of `Associations.vessel`.
+A vessel is a row of `KnownVessels`; a group is a number of `Associations.vessel`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from coastwatch.kernels.filters.gaussian import squared_distance
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.picture.inputs import PictureInput
 from coastwatch.picture.settings import IdentitySettings
-from coastwatch.picture.vessels import Groups, Known, KnownColumns, predict, rows_of_groups
+from coastwatch.picture.vessels import Groups, KnownColumns, KnownVessels, predict, rows_of_groups
 
 AIS_WEIGHT = 1.2  # of the vote of an AIS track; a radar track has 1
 SENIORITY_GAIN, SENIORITY_S = 0.5, 60.0  # most that a vessel gains by its age, and the age for half of it
@@ -52,7 +52,7 @@ class IdentityMatch:
 
 def match_identities(
     settings: IdentitySettings,
-    known: Known,
+    known: KnownVessels,
     columns: KnownColumns,
     before: KnownTracks,
     given: PictureInput,
@@ -91,18 +91,20 @@ def _settle_votes(
     start, _ = groups
     age_s = np.where(np.isfinite(columns.since_s), time_s - columns.since_s, 0.0)
     seniority = SENIORITY_GAIN * age_s / (age_s + SENIORITY_S)
-    out = np.full(len(start) - 1, -1, np.int64)
-    votes = in_blocks(kernels.identity.match.count_votes, len(out), groups, previous, first_vessel, weight, seniority)
+    vessel_of_group = np.full(len(start) - 1, -1, np.int64)
+    votes = in_blocks(
+        kernels.identity.match.count_votes, len(vessel_of_group), groups, previous, first_vessel, weight, seniority
+    )
     group, vessel, gain = (np.concatenate(part) for part in zip(*votes, strict=True))
-    contested = kernels.identity.match.settle_uncontested(group, vessel, gain, columns.vessel_id, out)
+    contested = kernels.identity.match.settle_uncontested(group, vessel, gain, columns.vessel_id, vessel_of_group)
     group, vessel, gain = group[contested], vessel[contested], gain[contested]
     chosen = kernels.association.assignment.assign(group, columns.vessel_id[vessel], gain)
-    out[group[chosen]] = vessel[chosen]
-    return out
+    vessel_of_group[group[chosen]] = vessel[chosen]
+    return vessel_of_group
 
 
 def _match_returns(
-    settings: IdentitySettings, known: Known, columns: KnownColumns, free: Ints, new: Picture, time_s: float
+    settings: IdentitySettings, known: KnownVessels, columns: KnownColumns, free: Ints, new: Picture, time_s: float
 ) -> tuple[Ints, Ints]:
     """Vessels without tracks that return as new groups, by MMSI first. Args: free: (F,) vessels; new: rows of the groups.
 

@@ -11,12 +11,12 @@ from coastwatch.batches import FusedTracks, Ints, Members, Picture, Tracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.picture.match import IdentityMatch, KnownTracks
 from coastwatch.picture.settings import IdentitySettings
-from coastwatch.picture.vessels import Known, KnownColumns, predict, rows_of_groups
+from coastwatch.picture.vessels import KnownColumns, KnownVessels, predict, rows_of_groups
 
 
 @dataclass(frozen=True, eq=False)
 class VesselOrder:
-    """The vessels of this cycle in order of their ids. A row is one of the picture; a vessel is one of the last cycle's `Known`."""
+    """The vessels of this cycle in order of their ids. A row is one of the picture; a vessel is one of the last cycle's `KnownVessels`."""
 
     vessel_id: Ints  # (R,)
     group_of_row: Ints  # (R,) -1: a vessel without tracks
@@ -24,7 +24,7 @@ class VesselOrder:
     row_of_group: Ints  # (V,)
     hidden: Ints  # (H,) vessels that are hidden now
     merged: Ints  # (G,) vessels that are merged now
-    next_of_vessel: Ints  # (K,) row of each vessel in the `Known` of the next cycle, -1: deleted
+    next_of_vessel: Ints  # (K,) row of each vessel in the `KnownVessels` of the next cycle, -1: deleted
 
 
 def order_vessels(
@@ -65,14 +65,14 @@ def order_vessels(
 
 def picture_of(
     settings: IdentitySettings,
-    known: Known,
+    known: KnownVessels,
     columns: KnownColumns,
     match: IdentityMatch,
     order: VesselOrder,
     tracks: Tracks,
     fused: FusedTracks,
     time_s: float,
-) -> tuple[Picture, Known]:
+) -> tuple[Picture, KnownVessels]:
     """The picture, with no flag but COASTING, and the known vessels of the next cycle."""
     rows = rows_of_groups(order.group_of_row, order.vessel_of_row, match.groups, tracks, fused, columns)
     coasting = np.flatnonzero(order.group_of_row < 0)
@@ -81,7 +81,7 @@ def picture_of(
         getattr(rows, name)[coasting] = getattr(predicted, name)
     picture = replace(rows, vessel_id=order.vessel_id)
     hidden = predict(known.take(order.hidden), time_s, settings.drift_m_s15)
-    return picture, Known(picture, hidden, columns.vessel_id[order.merged])
+    return picture, KnownVessels(picture, hidden, columns.vessel_id[order.merged])
 
 
 def members_of(match: IdentityMatch, order: VesselOrder, tracks: Tracks) -> Members:

@@ -27,7 +27,7 @@ class KnownColumns(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class KnownVessels:
     """Vessels of the last cycle that may go on under their ids. Known vessel k is row k of shown, hidden and merged together."""
 
     shown: Picture  # the picture of the last cycle, sorted by id
@@ -35,7 +35,7 @@ class Known:
     merged_id: Ints  # (G,) ids whose tracks went into other vessels; they return if a track that was first in them splits off
 
     @classmethod
-    def none(cls) -> Known:
+    def none(cls) -> KnownVessels:
         return cls(Picture.empty(), Picture.empty(), np.zeros(0, np.int64))
 
     def columns(self) -> KnownColumns:
@@ -57,14 +57,14 @@ class Known:
         """The rows of vessels of the last picture. Args: shown_id: (H,), all in it."""
         return np.searchsorted(self.shown.vessel_id, shown_id)
 
-    def held_by(self, held: HeldVessels) -> Known:
+    def with_estimates(self, bearing_only: HeldVessels) -> KnownVessels:
         """The same with the estimates of vessels that bearings hold."""
-        if len(held) == 0:
+        if len(bearing_only) == 0:
             return self
-        rows, columns = self.rows_of(held.vessel_id), {}
+        rows, columns = self.rows_of(bearing_only.vessel_id), {}
         for name in ("time_s", "position_deg", "velocity_m_s", "covariance", "updated_s"):
             columns[name] = getattr(self.shown, name).copy()
-            columns[name][rows] = getattr(held, name)
+            columns[name][rows] = getattr(bearing_only, name)
         return replace(self, shown=replace(self.shown, **columns))
 
     def take(self, rows: Ints) -> Picture:
@@ -105,9 +105,9 @@ def rows_of_groups(
 
 def existence_of(tracks: Tracks, row_of_track: Ints, count: int) -> Floats:
     """The probability that each of `count` vessels exists: of its likeliest track; NaN where no track has one. (V,)"""
-    out, has_existence = np.full(count, np.nan), np.flatnonzero(np.isfinite(tracks.existence))
-    np.fmax.at(out, row_of_track[has_existence], tracks.existence[has_existence])
-    return out
+    existence, has_existence = np.full(count, np.nan), np.flatnonzero(np.isfinite(tracks.existence))
+    np.fmax.at(existence, row_of_track[has_existence], tracks.existence[has_existence])
+    return existence
 
 
 def predict(vessels: Picture, time_s: float, drift_m_s15: float) -> Picture:

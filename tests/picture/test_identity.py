@@ -20,7 +20,7 @@ from coastwatch.kernels.identity.match import (
     count_votes,
     settle_uncontested,
 )
-from coastwatch.picture.vessels import Known, predict
+from coastwatch.picture.vessels import KnownVessels, predict
 
 pytestmark = pytest.mark.oracle
 
@@ -92,7 +92,7 @@ def test_votes_are_counted_and_what_is_uncontested_is_settled(tracks: int, seed:
 
 def test_known_vessels_are_the_shown_then_the_hidden_then_the_merged() -> None:
     shown, hidden, merged = picture(1, 20), picture(2, 9), np.array([77, 78])
-    known, every = Known(shown, hidden, merged), Picture.join([shown, hidden])
+    known, every = KnownVessels(shown, hidden, merged), Picture.join([shown, hidden])
     rows = np.array([0, 28, 19, 20, 5, 5])
     for field in fields(Picture):
         np.testing.assert_array_equal(getattr(known.take(rows), field.name), getattr(every, field.name)[rows])
