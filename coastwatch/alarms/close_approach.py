@@ -90,8 +90,8 @@ def close_pairs(
     there = (old[0] >= 0) & (old[1] >= 0)
     ends = [np.concatenate([row[there], rows]) for row, rows in zip(old, new, strict=True)]
     first, second = np.minimum(*ends), np.maximum(*ends)
-    both = counts[first] & counts[second] & ~(slow[first] & slow[second])
-    pairs = _within_limits(settings, picture, first[both], second[both])
+    counted = counts[first] & counts[second] & ~(slow[first] & slow[second])
+    pairs = _within_limits(settings, picture, first[counted], second[counted])
     weak = (pairs.cpa_m > limit_m) | (pairs.tcpa_s > within_s)
     urgent = _most_urgent(pairs, weak, MOST_FOLLOWED, len(picture))
     if opened is not None and not urgent.all():
@@ -107,17 +107,17 @@ def _most_urgent(pairs: Pairs, weak: Bools, most: int, vessels: int) -> Bools:
 
     Args: weak: (P,); vessels: V, rows of the picture.
     """
-    count, out = len(pairs.first), np.ones(len(pairs.first), np.bool_)
+    count, is_urgent = len(pairs.first), np.ones(len(pairs.first), np.bool_)
     of_vessel = np.bincount(pairs.first, minlength=vessels) + np.bincount(pairs.second, minlength=vessels)
     if of_vessel.max(initial=0) <= most:
-        return out
+        return is_urgent
     soonest = np.lexsort((pairs.tcpa_s, weak))
     ends = np.column_stack([pairs.first, pairs.second])[soonest].ravel()
     start, end = kernels.tables.counting_sort.counting_sort(ends, vessels)
     urgent = np.arange(2 * count) - np.repeat(start[:-1], np.diff(start)) < most
-    out[:] = False
-    out[soonest[end[urgent] // 2]] = True
-    return out
+    is_urgent[:] = False
+    is_urgent[soonest[end[urgent] // 2]] = True
+    return is_urgent
 
 
 def _among(pairs: Pairs, vessel_id: Ints, first_id: Ints, second_id: Ints) -> Bools:

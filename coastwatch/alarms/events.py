@@ -227,7 +227,7 @@ def texts(
 
     Args: row: (B,) of the picture, -1: the vessel has left; kind: (B,); alarm: (B,) row of the alarms, -1: the event is of a flag.
     """
-    out, here = [""] * len(row), np.flatnonzero(row >= 0)
+    evidence, here = [""] * len(row), np.flatnonzero(row >= 0)
     tracks = [""] * len(row)
     for k, text in zip(here.tolist(), _track_texts(row[here], picture, context), strict=True):
         tracks[k] = text
@@ -238,8 +238,8 @@ def texts(
         form = begins.kind.evidence
         fields = {name: FIELDS[name](begins) for name in field_names(form)}
         for at, k in enumerate(rows.tolist()):
-            out[k] = form.format_map({name: values[at] for name, values in fields.items()}).removesuffix("; ")
-    return out
+            evidence[k] = form.format_map({name: values[at] for name, values in fields.items()}).removesuffix("; ")
+    return evidence
 
 
 @lru_cache(maxsize=64)
@@ -253,7 +253,7 @@ def _ais_silence(begins: Beginning) -> list[str]:
     row, picture, stations, known_s = begins.row, begins.picture, begins.context.stations, begins.context.ais_heard_s
     heard_s = known_s[row] if len(known_s) else np.full(len(row), -np.inf)
     near = stations.in_range(picture.position_deg[row])
-    out = []
+    sentences = []
     for last_s, mmsi, names in zip(heard_s.tolist(), picture.mmsi[row].tolist(), near, strict=True):
         if last_s > -np.inf:
             text = (
@@ -261,8 +261,8 @@ def _ais_silence(begins: Beginning) -> list[str]:
             )
         else:
             text = "no AIS since it came back" if mmsi >= 0 else "never heard on AIS"
-        out.append(f"{text}{_in_range_of('AIS station', names)}; limit {stations.limit_s:g} s")
-    return out
+        sentences.append(f"{text}{_in_range_of('AIS station', names)}; limit {stations.limit_s:g} s")
+    return sentences
 
 
 def _radar_silence(begins: Beginning) -> list[str]:
@@ -276,8 +276,8 @@ def _in_range_of(what: str, names: Sequence[str]) -> str:
     """Such as "; in range of radars north, south and 2 more"."""
     if not names:
         return ""
-    shown, more = ", ".join(names[:MOST_NAMED]), len(names) - MOST_NAMED
-    return f"; in range of {what}{'s' if len(names) > 1 else ''} {shown}" + (f" and {more} more" if more > 0 else "")
+    shown, unnamed = ", ".join(names[:MOST_NAMED]), len(names) - MOST_NAMED
+    return f"; in range of {what}{'s' if len(names) > 1 else ''} {shown}" + (f" and {unnamed} more" if unnamed > 0 else "")
 
 
 def _track_texts(row: Ints, picture: Picture, context: EvidenceContext) -> list[str]:
@@ -309,14 +309,14 @@ def _track_texts(row: Ints, picture: Picture, context: EvidenceContext) -> list[
 
 def _same_mmsi(begins: Beginning) -> list[str]:
     """The other vessels with the MMSI of each, and how far they are."""
-    picture, out = begins.picture, []
+    picture, sentences = begins.picture, []
     for row in begins.row.tolist():
         others = np.flatnonzero(picture.mmsi == picture.mmsi[row]) if picture.mmsi[row] >= 0 else np.zeros(0, np.int64)
         others = others[others != row]
         apart_m = np.hypot(*difference_m(picture.position_deg[others], picture.position_deg[[row] * len(others)]).T)
         pairs = zip(picture.vessel_id[others].tolist(), apart_m.tolist(), strict=True)
-        out.append("".join(f"; same MMSI as vessel {vessel}, {metres:.0f} m away" for vessel, metres in pairs))
-    return out
+        sentences.append("".join(f"; same MMSI as vessel {vessel}, {metres:.0f} m away" for vessel, metres in pairs))
+    return sentences
 
 
 def _status(begins: Beginning) -> list[str]:
@@ -327,11 +327,11 @@ def _status(begins: Beginning) -> list[str]:
 
 def _other_vessels(begins: Beginning) -> list[str]:
     """The other vessel of each alarm, with its MMSI."""
-    vessel_id, out = begins.alarms.subject, []
+    vessel_id, sentences = begins.alarms.subject, []
     for vessel, row in zip(vessel_id.tolist(), find(begins.picture.vessel_id, vessel_id).tolist(), strict=True):
         mmsi = int(begins.picture.mmsi[row]) if row >= 0 else -1
-        out.append(f"vessel {vessel}" + (f" (MMSI {mmsi:09d})" if mmsi >= 0 else ""))
-    return out
+        sentences.append(f"vessel {vessel}" + (f" (MMSI {mmsi:09d})" if mmsi >= 0 else ""))
+    return sentences
 
 
 def _ages(begins: Beginning) -> list[str]:
@@ -349,17 +349,17 @@ def _silent_sensors(begins: Beginning) -> list[str]:
 def _habits(begins: Beginning) -> list[str]:
     """How often each silent sensor was heard before, and how much of it."""
     hearing, amount = begins.context.hearing, SILENT_SENSORS[begins.kind.subject][1]
-    out = []
+    sentences = []
     for number in begins.alarms.subject.tolist():
         heard, row = None if hearing is None else _hearing_of(hearing, begins.kind.subject, number), max(number - 1, 0)
         if heard is None:
-            out.append("")
+            sentences.append("")
         elif not np.isfinite(heard.heard_s[row]):
-            out.append(", and none since the start of the run")
+            sentences.append(", and none since the start of the run")
         else:
             usual = f"one every {heard.usual_s[row]:.1f} s or oftener before"
-            out.append(f", {usual}; {heard.amount[row]:.0f} {amount} then")
-    return out
+            sentences.append(f", {usual}; {heard.amount[row]:.0f} {amount} then")
+    return sentences
 
 
 def _hearing_of(hearing: SensorHearing, subject: Subject, number: int) -> Hearing:
@@ -375,7 +375,7 @@ def _reach(begins: Beginning) -> list[str]:
         return [""] * len(begins.alarms)
     picture = begins.picture
     expected = begins.context.radars if begins.kind.subject == Subject.RADAR else begins.context.stations
-    out = []
+    sentences = []
     for number in begins.alarms.subject.tolist():
         rows = range(len(expected.names)) if number == 0 else [number - 1]
         reached = np.zeros(len(picture), np.bool_)
@@ -383,9 +383,9 @@ def _reach(begins: Beginning) -> list[str]:
             offset_m = difference_m(picture.position_deg, np.broadcast_to(expected.site_deg[row], picture.position_deg.shape))
             reached |= np.hypot(offset_m[:, 0], offset_m[:, 1]) <= expected.range_m[row]
         names = ", ".join(expected.names[row] for row in rows[:MOST_NAMED])
-        more = f" and {len(rows) - MOST_NAMED} more" if len(rows) > MOST_NAMED else ""
-        out.append(f"; vessels in range of {names}{more}: {int(reached.sum())}")
-    return out
+        unnamed = f" and {len(rows) - MOST_NAMED} more" if len(rows) > MOST_NAMED else ""
+        sentences.append(f"; vessels in range of {names}{unnamed}: {int(reached.sum())}")
+    return sentences
 
 
 FIELDS: Mapping[str, Callable[[Beginning], Sequence[object]]] = {

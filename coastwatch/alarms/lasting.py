@@ -121,8 +121,8 @@ def extend(
     missed_s = gone.missed_s + np.where(waits, 0.0, before_s[rest])
     stays = waits | (gone.open & (missed_s < close_s - SLACK_S))
     gone = replace(gone, missed_s=missed_s, at_s=np.full(len(missed_s), float(time_s)))
-    both = Lasting.join([holds, gone.take(stays)])
-    return both.take(np.lexsort((both.subject, both.key))), gone.take(~stays & gone.open)
+    lasting = Lasting.join([holds, gone.take(stays)])
+    return lasting.take(np.lexsort((lasting.subject, lasting.key))), gone.take(~stays & gone.open)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,9 +138,9 @@ class Raised:
     to_right: Floats
 
     @classmethod
-    def of(cls, kind: AlarmKind, vessel_id: Ints, subject: Ints | None = None, **given: Floats) -> Raised:
-        """Alarms of a kind. Args: given: columns by name."""
+    def of(cls, kind: AlarmKind, vessel_id: Ints, subject: Ints | None = None, **values: Floats) -> Raised:
+        """Alarms of a kind. Args: values: columns by name."""
         unknown = np.full(len(vessel_id), np.nan)
         names = ("distance_m", "range_m", "interval_s", "to_right")
-        columns = {name: np.asarray(given.get(name, unknown), np.float64) for name in names}
+        columns = {name: np.asarray(values.get(name, unknown), np.float64) for name in names}
         return cls(kind, vessel_id, np.zeros(len(vessel_id), np.int64) if subject is None else subject, **columns)

@@ -123,7 +123,7 @@ class AlarmRules(AlarmSettings):
 
     def _standing(self, seen: Seen, sensors: Sensors, hearing: SensorHearing | None, time_s: float) -> Seen:
         """The same, with the vessels that only silent sensors would see as they were when these were heard last."""
-        if hearing is None or not any(of.silent.any() for of in (hearing.stations, hearing.radars, hearing.track_sources)):
+        if hearing is None or not any(kind.silent.any() for kind in (hearing.stations, hearing.radars, hearing.track_sources)):
             return seen
         covers = sensor_covers(sensors, self.cover_margin, hearing)
         u = seen.watched

@@ -71,10 +71,12 @@ def sensor_alarms(hearing: SensorHearing, sensors: Sensors, picture: Picture, ti
     return VesselAlarms.join(parts)
 
 
-def _alarms(kind: AlarmKind, of: Hearing, name: Array, site_deg: Floats, first: int, time_s: float) -> VesselAlarms:
+def _alarms(kind: AlarmKind, hearing: Hearing, name: Array, site_deg: Floats, first: int, time_s: float) -> VesselAlarms:
     """The alarms of one kind. Args: name, site_deg: of each sensor; first: number of the first, less one."""
-    rows = np.flatnonzero(of.silent)
-    since_s = np.where(np.isfinite(of.heard_s), of.heard_s, of.stands_from_s)  # never heard: the start of the run
+    rows = np.flatnonzero(hearing.silent)
+    since_s = np.where(
+        np.isfinite(hearing.heard_s), hearing.heard_s, hearing.stands_from_s
+    )  # never heard: the start of the run
     number, nan = np.zeros(len(rows), np.int64), np.full(len(rows), np.nan)
     return VesselAlarms(
         number + NO_VESSEL,

@@ -143,8 +143,8 @@ class Shape:
         latitude, longitude = self.middle_deg
         scale = EARTH_M * np.cos(np.radians(latitude))
         north = np.arcsinh(np.tan(np.radians(position_deg[..., 0]))) - np.arcsinh(np.tan(np.radians(latitude)))
-        out: Floats = scale * np.stack([np.radians(wrap_deg(position_deg[..., 1] - longitude)), north], -1)
-        return out
+        east_north: Floats = scale * np.stack([np.radians(wrap_deg(position_deg[..., 1] - longitude)), north], -1)
+        return east_north
 
     @cached_property
     def polygon(self) -> Any:
@@ -157,9 +157,9 @@ class Shape:
     def _prepared(self) -> tuple[Any, Any]:
         from shapely import prepare
 
-        both = self.polygon, self.polygon.buffer(self.margin_m)
-        prepare(both)
-        return both
+        prepared = self.polygon, self.polygon.buffer(self.margin_m)
+        prepare(prepared)
+        return prepared
 
     @cached_property
     def box_deg(self) -> tuple[float, float, float]:
@@ -193,12 +193,12 @@ class Shape:
         A line is seen from its first point on. A position on the line counts as right of it.
         """
         corner, start, end = self.chart_m(self.points_deg), self.chart_m(from_deg), self.chart_m(to_deg)
-        out = np.zeros(len(start), np.int64)
+        count = np.zeros(len(start), np.int64)
         for a, b in pairwise(corner):
             left_before, left_after = _left_of(a, b, start) > 0.0, _left_of(a, b, end) > 0.0
             between = (_left_of(start, end, a) > 0.0) != (_left_of(start, end, b) > 0.0)
-            out += np.where(between, left_before.astype(np.int64) - left_after.astype(np.int64), 0)
-        return out
+            count += np.where(between, left_before.astype(np.int64) - left_after.astype(np.int64), 0)
+        return count
 
     def breaks_speed(self, speed_m_s: Floats, margin_kn: float) -> Bools:
         """Which speeds are outside the limits of the zone, each widened by the margin. (K,)"""
@@ -297,18 +297,18 @@ def zone_alarms(
     moments = _moments(settings, memory.moments, seen, positions, left, by_number, time_s)
 
     stays = inside.take(inside.open)
-    out = []
+    raised = []
     lasted_s = time_s - stays.since_s
     entering, dwell_s = _of_zones(by_number, stays.subject)
     entered = entering & _has_entered(settings, stays, seen)
     for kind, rows in ((AlarmKind.ZONE_ENTER, entered), (AlarmKind.ZONE_DWELL, lasted_s > dwell_s)):
-        out.append(Raised.of(kind, stays.vessel_id[rows], stays.subject[rows], interval_s=lasted_s[rows]))
+        raised.append(Raised.of(kind, stays.vessel_id[rows], stays.subject[rows], interval_s=lasted_s[rows]))
     rows = speeding.open & np.isin(speeding.subject, list(by_number))
-    out.append(Raised.of(AlarmKind.ZONE_SPEED, speeding.vessel_id[rows], speeding.subject[rows]))
+    raised.append(Raised.of(AlarmKind.ZONE_SPEED, speeding.vessel_id[rows], speeding.subject[rows]))
     for kind in (AlarmKind.ZONE_LEAVE, AlarmKind.LINE_CROSSED):
         rows = moments.key % KEYS == kind
-        out.append(Raised.of(kind, moments.key[rows] // KEYS, moments.subject[rows], to_right=moments.to_right[rows]))
-    return ZoneMemory(inside, speeding, moments, np.array(sorted(by_number), np.int64), memory.began_s), out
+        raised.append(Raised.of(kind, moments.key[rows] // KEYS, moments.subject[rows], to_right=moments.to_right[rows]))
+    return ZoneMemory(inside, speeding, moments, np.array(sorted(by_number), np.int64), memory.began_s), raised
 
 
 def _has_entered(settings: AlarmSettings, stays: Lasting, seen: Seen) -> Bools:
@@ -401,8 +401,8 @@ def _alarms_leaving(by_number: dict[int, Shape], number: int) -> bool:
 def _may_cross(shape: Shape, from_deg: Floats, to_deg: Floats) -> Bools:
     """Which ways begin or end in the box about a line, `LINE_REACH_M` wider than the line. (K,)"""
     south, north, half = shape.box_deg
-    out = np.zeros(len(from_deg), np.bool_)
+    is_near = np.zeros(len(from_deg), np.bool_)
     for place in (from_deg, to_deg):
         away_deg = np.abs((place[:, 1] - shape.middle_deg[1] + 180.0) % 360.0 - 180.0)
-        out |= (place[:, 0] >= south) & (place[:, 0] <= north) & (away_deg <= half)
-    return out
+        is_near |= (place[:, 0] >= south) & (place[:, 0] <= north) & (away_deg <= half)
+    return is_near
