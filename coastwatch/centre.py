@@ -180,8 +180,8 @@ def run_centre(
             members = members.take(~np.isin(members.vessel_id, picture.vessel_id[~good]))
             picture = picture.take(good)
     with timer("alarms"):
-        known = numbered(s.zones) if zones is None else zones
-        watched = AlarmInput(picture, members, time_s, sensors, known, cover, hearing)
+        numbered_zones = numbered(s.zones) if zones is None else zones
+        watched = AlarmInput(picture, members, time_s, sensors, numbered_zones, cover, hearing)
         alarms_memory, vessel_alarms = s.alarms.step(m.alarms, watched)
     with timer("octants"):
         octants_memory, octants = s.octants.step(m.octants, OctantInput(bearing_tracks, picture, sensors))

@@ -137,9 +137,9 @@ def run_cycle(
         ais_memory, (ais_tracks, alarms, ais_taken) = s.ais_tracks.step(m.ais_tracks, heard)
     with timer("tracks"):
         messages = [s.tracks.messages_of(ais_taken, ais_tracks, sensors, k) for k in range(len(sensors.region_names))]
-        given, unknown = reports_of_regions(reports.radar, messages, m.corrections, time_s, sensors)
-        found = regions(step_of_regions(s), m.regions, given)
-        regional_memory, regional = tuple(after for after, _ in found), [cycle for _, cycle in found]
+        region_inputs, unknown = reports_of_regions(reports.radar, messages, m.corrections, time_s, sensors)
+        stepped = regions(step_of_regions(s), m.regions, region_inputs)
+        regional_memory, regional = tuple(after for after, _ in stepped), [cycle for _, cycle in stepped]
     heard_bearings = BearingInput(reports.bearing, time_s, sensors, m.expected)
     with timer("bearing_tracks"):
         bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, heard_bearings)
@@ -231,11 +231,11 @@ def _sound(
     return tracks.take(good), *kept, bearings.take(seen), counts
 
 
-def _summed(*some: dict[str, int]) -> dict[str, int]:
+def _summed(*parts: dict[str, int]) -> dict[str, int]:
     """The sums of counts by kind, without zeros."""
-    out: dict[str, int] = {}
-    for counts in some:
+    sums: dict[str, int] = {}
+    for counts in parts:
         for kind, count in counts.items():
             if count:
-                out[kind] = out.get(kind, 0) + count
-    return out
+                sums[kind] = sums.get(kind, 0) + count
+    return sums

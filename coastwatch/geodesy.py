@@ -96,8 +96,8 @@ def to_plane(position_deg: Floats, origin_deg: Floats) -> Floats:
     Args: position_deg: (..., 2); origin_deg: (2,) or (..., 2). Returns: (..., 2).
     """
     d = earth_centred(position_deg) - earth_centred(np.asarray(origin_deg))
-    out: Floats = np.einsum("...ij,...j->...i", axes(np.asarray(origin_deg))[..., :2, :], d)
-    return out
+    east_north_m: Floats = np.einsum("...ij,...j->...i", axes(np.asarray(origin_deg))[..., :2, :], d)
+    return east_north_m
 
 
 def from_plane(metres: Floats, origin_deg: Floats) -> Floats:
@@ -124,15 +124,15 @@ def turn(position_deg: Floats, origin_deg: Floats) -> Floats:
     Args: position_deg: (..., 2); origin_deg: (2,) or (..., 2). Returns: (..., 2, 2); orthogonal to 1e-4 within 100 km.
     """
     here, there = axes(position_deg)[..., :2, :], axes(np.asarray(origin_deg, float))[..., :2, :]
-    out: Floats = np.einsum("...ik,...jk->...ij", there, here)
-    return out
+    matrices: Floats = np.einsum("...ik,...jk->...ij", there, here)
+    return matrices
 
 
 def within_any(position_deg: Floats, site_deg: Floats, range_m: Floats) -> NDArray[np.bool_]:
     """Whether each place is within range of any site. Args: (V, 2), (R, 2), (R,). Returns: (V,)."""
-    out = np.zeros(len(position_deg), np.bool_)
+    is_within = np.zeros(len(position_deg), np.bool_)
     for site, reach in zip(site_deg, range_m, strict=True):
         near = np.abs(position_deg[:, 0] - site[0]) * 110_000.0 <= reach * 1.02 + 100.0
-        rows = np.flatnonzero(near & ~out)
-        out[rows] = np.linalg.norm(to_plane(position_deg[rows], site), axis=1) <= reach
-    return out
+        rows = np.flatnonzero(near & ~is_within)
+        is_within[rows] = np.linalg.norm(to_plane(position_deg[rows], site), axis=1) <= reach
+    return is_within

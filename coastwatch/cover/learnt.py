@@ -207,11 +207,11 @@ class LearntCover(Method):
         plots[goes_on] += before.plots[at[goes_on]]
         return Visits(radar, tracks.track_id[row], cell, looks, np.minimum(plots, looks))
 
-    def _share(self, plots: Floats, looks: Floats, of_radar: Floats) -> Floats:
+    def _detection_share(self, plots: Floats, looks: Floats, of_radar: Floats) -> Floats:
         """The share of turns with a plot, with a prior."""
         weight = self.prior_visits * self.visit_looks
-        out: Floats = (plots + weight * of_radar) / (looks + weight)
-        return out
+        share: Floats = (plots + weight * of_radar) / (looks + weight)
+        return share
 
     def _detection(
         self, asked: Seen, visits: Visits, looks: Floats, plots: Floats, tracks: Tracks, silent: Bools | None
@@ -227,8 +227,8 @@ class LearntCover(Method):
         own[:, has_visit] = weight * visits.plots[at[has_visit]], weight * visits.looks[at[has_visit]]
         r, cell = asked.radar, asked.cell
         prior = np.full(len(r), self.prior_probability)
-        of_radar = self._share(plots.sum(axis=1)[r] - own[0], looks.sum(axis=1)[r] - own[1], prior)
-        probability = self._share(plots[r, cell] - own[0], looks[r, cell] - own[1], of_radar)
+        of_radar = self._detection_share(plots.sum(axis=1)[r] - own[0], looks.sum(axis=1)[r] - own[1], prior)
+        probability = self._detection_share(plots[r, cell] - own[0], looks[r, cell] - own[1], of_radar)
         if silent is not None:
             probability[silent[r]] = 0.0
         best = np.zeros(len(rows))
@@ -238,8 +238,8 @@ class LearntCover(Method):
     def _cover(self, counts: CellCounts, looks: Floats, plots: Floats, sensors: Sensors) -> RadarCover:
         """The grids of all radars."""
         prior = np.full(len(counts), self.prior_probability)
-        of_ais = self._share(plots.sum(axis=1), looks.sum(axis=1), prior)
-        of_tracks = self._share(counts.track_plots.sum(axis=1), counts.track_looks.sum(axis=1), prior)
+        of_ais = self._detection_share(plots.sum(axis=1), looks.sum(axis=1), prior)
+        of_tracks = self._detection_share(counts.track_plots.sum(axis=1), counts.track_looks.sum(axis=1), prior)
         edges = np.linspace(0.0, 1.0, COVER_RANGES + 1) * sensors.radars.range_m[:, None]
         area = np.pi / COVER_AZIMUTHS * np.diff(edges**2, axis=1)
         shape = len(counts), COVER_AZIMUTHS, COVER_RANGES
@@ -248,9 +248,9 @@ class LearntCover(Method):
             range_m=sensors.radars.range_m,
             site_deg=counts.site_deg,
             turns=counts.turns.copy(),
-            ais_detection=self._share(plots, looks, of_ais[:, None]).reshape(shape),
+            ais_detection=self._detection_share(plots, looks, of_ais[:, None]).reshape(shape),
             ais_looks=looks.reshape(shape),
-            track_detection=self._share(counts.track_plots, counts.track_looks, of_tracks[:, None]).reshape(shape),
+            track_detection=self._detection_share(counts.track_plots, counts.track_looks, of_tracks[:, None]).reshape(shape),
             track_looks=counts.track_looks.reshape(shape).copy(),
             false_plots_per_m2=false,
         )
@@ -309,14 +309,14 @@ def _plots_of(seen: Seen, counted: Bools, given: CoverInput, is_ais: Bools) -> F
     plots, row = plots[row >= 0], row[row >= 0]
     needed = asked[associations.vessel[row]]
     sensor, row = measurements.sensor[plots[needed]], row[needed]
-    out = np.zeros(len(seen.row))
+    plots_of_pair = np.zeros(len(seen.row))
     for of_vessel in (False, True):
         pairs = np.flatnonzero(counted & (is_ais[seen.row] == of_vessel))
         number = associations.vessel if of_vessel else np.arange(len(tracks))
         keys, count = np.unique(number[row] * radars + sensor, return_counts=True)
         at = find(keys, number[seen.row[pairs]] * radars + seen.radar[pairs])
-        out[pairs[at >= 0]] = count[at[at >= 0]]
-    return out
+        plots_of_pair[pairs[at >= 0]] = count[at[at >= 0]]
+    return plots_of_pair
 
 
 def _count_false(sums: Floats, plots: Plots, measurements: Measurements, due: Bools, sensors: Sensors) -> None:

@@ -117,8 +117,8 @@ class UsualPauses(Method):
         """How long each sensor may pause. (S,) Args: turn_s: (S,) of radars; kinds: how many sensors are of each."""
         pauses = np.repeat([self.radar_pauses, self.source_pauses, self.ais_pauses], kinds)
         least_s = np.repeat([self.radar_least_s, self.source_least_s, self.ais_least_s], kinds)
-        out: Floats = np.fmax(least_s, pauses * np.fmax(habits.usual_s, turn_s))
-        return out
+        allowed_s: Floats = np.fmax(least_s, pauses * np.fmax(habits.usual_s, turn_s))
+        return allowed_s
 
 
 def _nothing_heard(rows: int) -> Habits:
@@ -160,10 +160,10 @@ def _heard(reports: Reports, ais_tracks: Tracks, before: Habits, time_s: float, 
 def _at_stations(position_deg: Floats, sensors: Sensors) -> tuple[Ints, Ints, Bools]:
     """Pairs of a position and a station that reaches it: (P,) rows, (P,) stations, (P,) whether no other station does."""
     stations = sensors.stations
-    of, station, _ = kernels.geometry.sensor_coverage.pairs_in_range(
+    row, station, _ = kernels.geometry.sensor_coverage.pairs_in_range(
         stations.site_deg, stations.range_m, position_deg, np.zeros(len(position_deg))
     )
-    return of, station, np.bincount(of, minlength=len(position_deg))[of] == 1
+    return row, station, np.bincount(row, minlength=len(position_deg))[row] == 1
 
 
 def _learnt(before: Habits, came: Heard, allowed_s: Floats, averaged: int) -> Habits:

@@ -69,11 +69,11 @@ class KMeansSpots(Method):
         from scipy.spatial import cKDTree
 
         before = kernels.tables.match_ids.index_of(memory.track_id, tracks.track_id)
-        known = before >= 0 if len(memory.centre_m) == len(centre) else np.zeros(len(tracks), np.bool_)
-        out = np.zeros(len(tracks), np.int64)
-        out[known] = memory.spot[before[known]]
-        out[~known] = cKDTree(centre).query(position[~known])[1]
-        return out
+        remembered = before >= 0 if len(memory.centre_m) == len(centre) else np.zeros(len(tracks), np.bool_)
+        spot = np.zeros(len(tracks), np.int64)
+        spot[remembered] = memory.spot[before[remembered]]
+        spot[~remembered] = cKDTree(centre).query(position[~remembered])[1]
+        return spot
 
     def _spots_for(self, tracks: int, before: int) -> int:
         """The number of spots. Args: tracks: N; before: the number of spots in the last cycle."""
@@ -99,8 +99,8 @@ class KMeansSpots(Method):
         # One thread, because several threads add in a varying order.
         with threadpool_limits(1), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # fewer different positions than spots, or not converged: neither matters
-            found: Floats = fit.fit(sample).cluster_centers_
-        return found
+            fitted: Floats = fit.fit(sample).cluster_centers_
+        return fitted
 
 
 def _one_spot(tracks: Tracks) -> Spots:

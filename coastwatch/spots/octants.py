@@ -63,10 +63,10 @@ class OctantSpots(Method):
         )
         distance, direction = np.hypot(offset[:, 0], offset[:, 1]), np.arctan2(offset[:, 0], offset[:, 1])
         tolerance_deg = np.degrees(np.arctan2(tolerance_m[row], distance)) + self.overlap_deg
-        out: tuple[Ints, Ints, Floats] = kernels.bearings.candidates.vessels_by_octant(
+        rows: tuple[Ints, Ints, Floats] = kernels.bearings.candidates.vessels_by_octant(
             np.degrees(direction), tolerance_deg, active[site], row, len(sensors.sonars)
         )
-        return out
+        return rows
 
     def _tolerance_m(self, covariance: Floats) -> Floats:
         """`position_sigmas` standard deviations of each position, 0 without a covariance. Args: covariance: (V, 4, 4). Returns: (V,)."""
