@@ -96,8 +96,8 @@ _readers: dict[str, Reader] = defaultdict(Reader)  # in a process of the pool: o
 def _carry_out(work: Work[S], settings: S, kind: str, published: Published, chunk: Groups) -> tuple[float, tuple[Array, ...]]:
     """Processor seconds and result of the work for a chunk."""
     begun = time.process_time()
-    found = work(settings, _readers[kind].views(published), chunk)
-    return time.process_time() - begun, found
+    result = work(settings, _readers[kind].views(published), chunk)
+    return time.process_time() - begun, result
 
 
 def _start_worker() -> None:

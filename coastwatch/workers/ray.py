@@ -139,13 +139,13 @@ class Actors:
         import ray
 
         try:
-            found = ray.get(begun, timeout=host.patience_s)
+            result = ray.get(begun, timeout=host.patience_s)
         except ray.exceptions.RayTaskError as error:
             raise error.cause from None
         except ray.exceptions.RayError as error:
             raise Lost from error
         host.patience_s = PATIENCE_S
-        return found
+        return result
 
     def replace(self, host: _Actor) -> None:
         """End an actor and ask for another one."""

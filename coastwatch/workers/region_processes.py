@@ -24,8 +24,8 @@ class ProcessHosts:
 
     def __init__(self, count: int) -> None:
         self._pools = [new_pool(1) for _ in range(count)]
-        self._given: dict[int, Publisher] = defaultdict(Publisher)  # to each region
-        self._found: dict[tuple[ProcessPoolExecutor, int], Reader] = defaultdict(Reader)  # by each process for each region
+        self._inputs: dict[int, Publisher] = defaultdict(Publisher)  # to each region
+        self._outputs: dict[tuple[ProcessPoolExecutor, int], Reader] = defaultdict(Reader)  # by each process for each region
 
     def __enter__(self) -> ProcessHosts:
         return self
@@ -33,7 +33,7 @@ class ProcessHosts:
     def __exit__(self, *_: object) -> None:
         for pool in self._pools:
             self._end(pool)
-        for publisher in self._given.values():
+        for publisher in self._inputs.values():
             publisher.close()
 
     def ready(self) -> list[ProcessPoolExecutor]:
@@ -45,7 +45,7 @@ class ProcessHosts:
         try:
             if name == "step":
                 step, memory, cycles = cast("tuple[RegionStep[Any, Any, Any], Any, Sequence[Any]]", given)
-                return host.submit(_step, region, step, memory, send(cycles, self._given[region]))
+                return host.submit(_step, region, step, memory, send(cycles, self._inputs[region]))
             return host.submit(_carry_out, name, region)
         except BrokenProcessPool as error:
             raise Lost from error
@@ -53,10 +53,10 @@ class ProcessHosts:
     def answer(self, host: ProcessPoolExecutor, region: int, begun: Future[object]) -> object:
         """The result of a call. Raises: Lost; the error of the call."""
         try:
-            found = begun.result()
+            result = begun.result()
         except BrokenProcessPool as error:
             raise Lost from error
-        return receive(found, self._found[host, region]) if isinstance(found, Sent) else found
+        return receive(result, self._outputs[host, region]) if isinstance(result, Sent) else result
 
     def replace(self, host: ProcessPoolExecutor) -> None:
         """A new process in place of a lost one."""
@@ -65,20 +65,20 @@ class ProcessHosts:
 
     def _end(self, host: ProcessPoolExecutor) -> None:
         host.shutdown(cancel_futures=True)
-        for key in [key for key in self._found if key[0] is host]:
-            self._found.pop(key).release()
+        for key in [key for key in self._outputs if key[0] is host]:
+            self._outputs.pop(key).release()
 
 
 _host: RegionHost[Any] = RegionHost()  # in a process: its regions
-_given: dict[int, Reader] = defaultdict(Reader)
-_found: dict[int, Publisher] = defaultdict(Publisher)
+_inputs: dict[int, Reader] = defaultdict(Reader)
+_outputs: dict[int, Publisher] = defaultdict(Publisher)
 
 
 def _step(
     region: int, step: RegionStep[Mem, In, Out], memory: Mem | None, cycles: Sent[Sequence[In]]
 ) -> Sent[tuple[float, Out]]:
     """The result of `step` of this process's `RegionHost`."""
-    return send(_host.step(region, step, memory, receive(cycles, _given[region])), _found[region])
+    return send(_host.step(region, step, memory, receive(cycles, _inputs[region])), _outputs[region])
 
 
 def _carry_out(name: str, region: int) -> Any:

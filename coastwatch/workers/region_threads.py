@@ -14,7 +14,7 @@ class ThreadedRegions:
 
     def __call__(self, step: RegionStep[Mem, In, Out], memories: Sequence[Mem], given: Sequence[In]) -> list[tuple[Mem, Out]]:
         """What step(memory, given) returns for each region."""
-        return over_threads([partial(step, memory, more) for memory, more in zip(memories, given, strict=True)])
+        return over_threads([partial(step, memory, region_input) for memory, region_input in zip(memories, given, strict=True)])
 
     def gather(self, memories: Sequence[Mem]) -> list[Mem]:
         """The memories as they are."""

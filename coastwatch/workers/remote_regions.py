@@ -76,8 +76,8 @@ class RegionHost(Generic[Mem]):
         begun = time.process_time()
         output: Out
         memory = self._memory.pop(region) if memory is None else memory
-        for more in given:
-            memory, output = step(memory, more)
+        for cycle_input in given:
+            memory, output = step(memory, cycle_input)
         self._memory[region] = memory
         return time.process_time() - begun, output
 
@@ -136,15 +136,15 @@ class RemoteRegions(Generic[HostT, CallT]):
             elif memory != region.kept:
                 raise ValueError(f"memory of a region: got {memory}, needed {region.kept}, of the last cycle")
         self._balance()
-        for region, more in zip(self._regions, given, strict=True):
-            region.since.append(more)
+        for region, region_input in zip(self._regions, given, strict=True):
+            region.since.append(region_input)
         begun = []
         for k, region in enumerate(self._regions):  # a memory is sent where the host has not the newest
             base, cycles = (None, region.since[-1:]) if region.current else (region.base, region.since)
             begun.append(self._call(k, "step", step, base, cycles))
-        found = [self._stepped(k, call) for k, call in enumerate(begun)]
+        stepped = [self._stepped(k, call) for k, call in enumerate(begun)]
         self._shorten_replay()
-        return cast("list[tuple[Mem, Out]]", found)  # a `Kept` in place of each memory
+        return cast("list[tuple[Mem, Out]]", stepped)  # a `Kept` in place of each memory
 
     def gather(self, memories: Sequence[Mem]) -> list[Mem]:
         """The memory of each region after the last call, to be saved and not to be stepped."""

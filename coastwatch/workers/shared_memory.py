@@ -31,8 +31,8 @@ class Location(NamedTuple):
 
     def view(self, block: SharedMemory) -> Array:
         """The array, in the block's memory."""
-        made: Array = np.ndarray(self.shape, self.dtype, block.buf, self.offset)
-        return made
+        array: Array = np.ndarray(self.shape, self.dtype, block.buf, self.offset)
+        return array
 
 
 class Published(NamedTuple):
@@ -53,13 +53,13 @@ class Publisher:
         locations: dict[str, Location | tuple[Location, ...]] = {}
         to_copy: list[tuple[Location, Array]] = []
         size = 0
-        for name, given in arrays.items():
+        for name, value in arrays.items():
             placed = []
-            for array in given if isinstance(given, tuple) else (given,):
+            for array in value if isinstance(value, tuple) else (value,):
                 placed.append(Location(size, array.dtype, array.shape))
                 to_copy.append((placed[-1], array))
                 size += -(-array.nbytes // ALIGNMENT) * ALIGNMENT
-            locations[name] = tuple(placed) if isinstance(given, tuple) else placed[0]
+            locations[name] = tuple(placed) if isinstance(value, tuple) else placed[0]
         block = self._block_of(size)
         for location, array in to_copy:
             in_bytes = np.ascontiguousarray(array).reshape(-1).view(np.uint8)  # records would be copied a field at a time
