@@ -38,11 +38,11 @@ def merged(below: dict[str, object], above: dict[str, object]) -> dict[str, obje
     """A table merged over another one; neither is changed."""
     if "method" in above and above["method"] != below.get("method", above["method"]):
         return dict(above)
-    out = dict(below)
+    table = dict(below)
     for key, value in above.items():
-        under = out.get(key)
-        out[key] = merged(under, value) if isinstance(value, dict) and isinstance(under, dict) else value
-    return out
+        under = table.get(key)
+        table[key] = merged(under, value) if isinstance(value, dict) and isinstance(under, dict) else value
+    return table
 
 
 def _document(path: Path) -> dict[str, object]:
@@ -67,7 +67,7 @@ def _extended_file(path: Path, named: object) -> Path:
     """The file that `extends` names: a shipped scenario, or a .toml file relative to the extending file."""
     if not isinstance(named, str) or not named:
         raise ScenarioError(f"{path}: extends: got {named!r}, needed the name of a scenario or a path to a .toml file")
-    found = path.parent / named if named.endswith(".toml") else scenarios_folder() / named / "scenario.toml"
-    if not found.is_file():
-        raise ScenarioError(f"{path}: extends: got {named!r}, but there is no {found}")
-    return found
+    file = path.parent / named if named.endswith(".toml") else scenarios_folder() / named / "scenario.toml"
+    if not file.is_file():
+        raise ScenarioError(f"{path}: extends: got {named!r}, but there is no {file}")
+    return file

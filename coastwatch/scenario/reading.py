@@ -18,10 +18,10 @@ from coastwatch.tracks import TableTracker
 
 def scenario_names() -> list[tuple[str, str]]:
     """Name and title of every shipped scenario, sorted."""
-    found = []
+    names = []
     for path in sorted(scenarios_folder().glob("*/scenario.toml")):
-        found.append((path.parent.name, str(tomllib.loads(path.read_text("utf-8")).get("title", ""))))
-    return found
+        names.append((path.parent.name, str(tomllib.loads(path.read_text("utf-8")).get("title", ""))))
+    return names
 
 
 def load_scenario(name_or_path: str, overrides: Mapping[str, str] | None = None) -> Scenario:
@@ -46,7 +46,7 @@ def make_scenario(data: dict[str, object], where: str, overrides: Mapping[str, s
         return Scenario.model_validate(data)
     except ValidationError as error:
         raise ScenarioError(
-            "\n".join(f"{_given_by(said, where, overrides)}{said}" for said in refusals(error, Scenario))
+            "\n".join(f"{_origin_of(refusal, where, overrides)}{refusal}" for refusal in refusals(error, Scenario))
         ) from error
 
 
@@ -68,9 +68,9 @@ def _settings_of(model: type[BaseModel], method: str) -> set[str]:
     return model.settings_of(method) if issubclass(model, TableTracker) else set(model.model_fields)
 
 
-def _given_by(said: str, where: str, overrides: Mapping[str, str]) -> str:
+def _origin_of(refusal: str, where: str, overrides: Mapping[str, str]) -> str:
     """Where a refused setting was given: by --set, or in the file."""
-    path = said.partition(": ")[0]
+    path = refusal.partition(": ")[0]
     return "--set " if path and any(path in (key, f"{key}.method") for key in overrides) else f"{where}: "
 
 
@@ -86,10 +86,10 @@ def _find(name_or_path: str) -> Path:
     if path.is_file():
         raise ScenarioError(f"{path}: got a file that is no .toml, needed a scenario; `coastwatch fuse` takes recorded files")
     if not shipped.is_file():
-        known = [name for name, _ in scenario_names()]
+        names = [name for name, _ in scenario_names()]
         raise ScenarioError(
-            f"scenario: got {name_or_path!r}, needed one of {', '.join(known)}, or a path to a .toml file"
-            f"{did_you_mean(name_or_path, known)}"
+            f"scenario: got {name_or_path!r}, needed one of {', '.join(names)}, or a path to a .toml file"
+            f"{did_you_mean(name_or_path, names)}"
         )
     return shipped
 
@@ -110,10 +110,10 @@ def _override(data: dict[str, object], key: str, text: str) -> None:
 
 
 def _step_into(here: dict[str, object] | list[object], part: str, path: str) -> dict[str, object] | list[object]:
-    found = here[_index(here, part, path)] if isinstance(here, list) else here.setdefault(part, {})
-    if not isinstance(found, dict | list):
-        raise ScenarioError(f"--set {path}: got {found!r} there, needed a table")
-    return found
+    value = here[_index(here, part, path)] if isinstance(here, list) else here.setdefault(part, {})
+    if not isinstance(value, dict | list):
+        raise ScenarioError(f"--set {path}: got {value!r} there, needed a table")
+    return value
 
 
 def _index(items: list[object], part: str, path: str) -> int:

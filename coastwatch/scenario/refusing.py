@@ -61,7 +61,7 @@ LIMITS: dict[str, Callable[[Mapping[str, Any]], str]] = {
 
 def refusals(error: ValidationError, model: type[BaseModel]) -> list[str]:
     """A sentence for each error. Args: model: that refused the settings."""
-    return [sentence(dict(found), model) for found in error.errors()]
+    return [sentence(dict(refused), model) for refused in error.errors()]
 
 
 def in_brackets(path: Sequence[str]) -> str:
@@ -76,8 +76,10 @@ def models_of(annotation: object) -> tuple[list[type[BaseModel]], bool]:
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return models_of(parts[0])
-    found = [models_of(part) for part in parts] if origin in (Union, types.UnionType, tuple, list) else []
-    return [m for models, _ in found for m in models], origin in (tuple, list) or any(many for _, many in found)
+    models_of_parts = [models_of(part) for part in parts] if origin in (Union, types.UnionType, tuple, list) else []
+    return [m for models, _ in models_of_parts for m in models], origin in (tuple, list) or any(
+        many for _, many in models_of_parts
+    )
 
 
 def sentence(
@@ -90,7 +92,7 @@ def sentence(
 
     Args: error: of `errors()`; model: that refused the values; joined: writes a path; unknown: what a name is that the model has not.
     """
-    kind, given, context = error["type"], error["input"], error.get("ctx", {})
+    kind, value, context = error["type"], error["input"], error.get("ctx", {})
     parts, holder = _place(error["loc"], model)
     noun = _noun(error["loc"], model)
     path = joined(parts[:-1] if noun else parts)
@@ -100,18 +102,18 @@ def sentence(
     if kind == "missing":
         return f"{path}: got nothing, needed {f'a {noun}' if noun else _form(holder, last)}"
     if kind == "extra_forbidden":
-        known = list(holder.model_fields) if holder else []
-        hint = f"; its name is now {RENAMED[last]}" if last in RENAMED else did_you_mean(last, known)
-        return f"{path or repr('')}: got {_short(given)} for an unknown {unknown}, needed one of {', '.join(known)}{hint}"
+        names = list(holder.model_fields) if holder else []
+        hint = f"; its name is now {RENAMED[last]}" if last in RENAMED else did_you_mean(last, names)
+        return f"{path or repr('')}: got {_short(value)} for an unknown {unknown}, needed one of {', '.join(names)}{hint}"
     if kind == "union_tag_not_found":
         return f"{path}.{_tag(context)}: got nothing, needed the name of a {_tag(context)}"
     if kind == "union_tag_invalid":
-        known = [name.strip("' ") for name in str(context["expected_tags"]).split(",")]
-        return f"{path}.{_tag(context)}: {_no_method(str(context['tag']), known)}"
-    if kind == "literal_error" and last == "method" and isinstance(given, str):
-        return f"{path}: {_no_method(given, list(methods_of(holder)) if holder else [])}"
+        names = [name.strip("' ") for name in str(context["expected_tags"]).split(",")]
+        return f"{path}.{_tag(context)}: {_no_method(str(context['tag']), names)}"
+    if kind == "literal_error" and last == "method" and isinstance(value, str):
+        return f"{path}: {_no_method(value, list(methods_of(holder)) if holder else [])}"
     needed = LIMITS[kind](context) if kind in LIMITS else WANTED.get(kind, error["msg"])
-    return f"{path}: got {f'{noun} ' if noun else ''}{_short(given)}, needed {needed}"
+    return f"{path}: got {f'{noun} ' if noun else ''}{_short(value)}, needed {needed}"
 
 
 def _tag(context: Mapping[str, object]) -> str:
@@ -119,28 +121,28 @@ def _tag(context: Mapping[str, object]) -> str:
     return str(context["discriminator"]).strip("'")
 
 
-def _no_method(given: str, known: list[str]) -> str:
+def _no_method(name: str, names: list[str]) -> str:
     """What is said of a method that does not exist."""
-    hint = f"; its name is now {RENAMED[given]}" if given in RENAMED else did_you_mean(given, known)
-    return f"got {given!r}, needed one of {', '.join(known)}{hint}"
+    hint = f"; its name is now {RENAMED[name]}" if name in RENAMED else did_you_mean(name, names)
+    return f"got {name!r}, needed one of {', '.join(names)}{hint}"
 
 
 def _noun(loc: Loc, model: type[BaseModel]) -> str:
     """What an item of a list is, by the title of its type, such as latitude; empty: it has none."""
-    found: Any = model
+    kind: Any = model
     for part in loc:
-        while get_origin(found) is Annotated or get_origin(found) in (Union, types.UnionType):
-            found = next((a for a in get_args(found) if a is not types.NoneType), None)
-        items = get_args(found)
+        while get_origin(kind) is Annotated or get_origin(kind) in (Union, types.UnionType):
+            kind = next((a for a in get_args(kind) if a is not types.NoneType), None)
+        items = get_args(kind)
         if isinstance(part, int):
             part = 0 if items[1:] == (...,) else part
-            found = items[part] if get_origin(found) in (tuple, list) and part < len(items) else None
-        elif isinstance(found, type) and issubclass(found, BaseModel) and part in found.model_fields:
-            found = found.model_fields[part].annotation
+            kind = items[part] if get_origin(kind) in (tuple, list) and part < len(items) else None
+        elif isinstance(kind, type) and issubclass(kind, BaseModel) and part in kind.model_fields:
+            kind = kind.model_fields[part].annotation
         else:
             return ""
-    about = found.__metadata__ if loc and isinstance(loc[-1], int) and get_origin(found) is Annotated else ()
-    return next((str(given.title) for given in about if isinstance(given, FieldInfo) and given.title), "")
+    about = kind.__metadata__ if loc and isinstance(loc[-1], int) and get_origin(kind) is Annotated else ()
+    return next((str(mark.title) for mark in about if isinstance(mark, FieldInfo) and mark.title), "")
 
 
 def _place(loc: Loc, model: type[BaseModel]) -> tuple[list[str], type[BaseModel] | None]:
