@@ -91,7 +91,7 @@ def as_table(rows: Rows, coloured: bool = False) -> str:
     widths = [max(len(name), *(len(row[c]) for row in cells)) for c, name in enumerate(rows.columns)]
     right = [all(_absent(row[c]) or isinstance(row[c], int | float) for row in rows.rows) for c in range(len(rows.columns))]
     lines = [list(rows.columns), ["-" * width for width in widths], *cells]
-    out = []
+    padded_lines = []
     for number, line in enumerate(lines):
         padded = [text.rjust(w) if r else text.ljust(w) for text, w, r in zip(line, widths, right, strict=True)]
         padded[-1] = padded[-1].rstrip()
@@ -102,8 +102,8 @@ def as_table(rows: Rows, coloured: bool = False) -> str:
                 termcolor.colored(text, "red") if name in ALARMING and not GOOD.issuperset(words.split()) else text
                 for text, words, name in zip(padded, line, rows.columns, strict=True)
             ]
-        out.append("  ".join(padded) + "\n")
-    return "".join(out)
+        padded_lines.append("  ".join(padded) + "\n")
+    return "".join(padded_lines)
 
 
 def cell(name: str, value: object) -> str:
@@ -120,12 +120,12 @@ def cell(name: str, value: object) -> str:
 
 def as_csv(rows: Rows) -> str:
     """Comma-separated values with a header. An absent value is empty, and no text starts a formula."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
     writer.writerow(rows.columns)
     for row in rows.rows:
         writer.writerow(["" if _absent(value) else csv_cell(value) if isinstance(value, str) else value for value in row])
-    return out.getvalue()
+    return file.getvalue()
 
 
 def as_json(rows: Rows) -> str:
@@ -214,9 +214,9 @@ def as_parquet(rows: Rows) -> bytes:
         [json.dumps(value, default=str) if isinstance(value, dict | list | tuple) else value for value in column]
         for column in zip(*rows.rows, strict=True)
     ]
-    out = io.BytesIO()
-    as_frame(Rows(rows.columns, list(zip(*columns, strict=True)))).write_parquet(out)
-    return out.getvalue()
+    file = io.BytesIO()
+    as_frame(Rows(rows.columns, list(zip(*columns, strict=True)))).write_parquet(file)
+    return file.getvalue()
 
 
 def _needs_position(rows: Rows, form: str) -> None:

@@ -68,8 +68,8 @@ def _step(x: float, y: float) -> tuple[float, float]:
 def _unit(step: Floats, zoom: int, x: int, y: int) -> Floats:
     """Units of a tile from its north-western corner, to the east and south. Args: step: (P, 2) of longitude and latitude."""
     latitude = np.radians(step[:, 1] * SCALE_DEG[0] + OFFSET_DEG[0])
-    share = np.stack([step[:, 0] / TURN_STEPS, 0.5 - np.arcsinh(np.tan(latitude)) / (2.0 * np.pi)], 1)
-    return np.asarray((share * 2.0**zoom - np.array([x, y])) * EXTENT)
+    turns = np.stack([step[:, 0] / TURN_STEPS, 0.5 - np.arcsinh(np.tan(latitude)) / (2.0 * np.pi)], 1)
+    return np.asarray((turns * 2.0**zoom - np.array([x, y])) * EXTENT)
 
 
 def _encoded(land: Array) -> bytes:
@@ -93,9 +93,9 @@ def _varints(numbers: Ints) -> bytes:
     """Numbers from 0 to 2^35 - 1 as base 128 varints of protocol buffers."""
     shift = 7 * np.arange(5)
     groups = (numbers[:, None] >> shift) & 127
-    more = (numbers[:, None] >> (shift + 7)) > 0
-    used = np.concatenate([np.ones((len(numbers), 1), np.bool_), more[:, :-1]], 1)
-    return bytes((groups + 128 * more)[used].astype(np.uint8).tobytes())
+    goes_on = (numbers[:, None] >> (shift + 7)) > 0
+    used = np.concatenate([np.ones((len(numbers), 1), np.bool_), goes_on[:, :-1]], 1)
+    return bytes((groups + 128 * goes_on)[used].astype(np.uint8).tobytes())
 
 
 def _field(number: int, value: int | bytes) -> bytes:

@@ -129,7 +129,7 @@ def check_sensors(radars: Sequence[Site], stations: Sequence[Site], sonars: Sequ
 
 def _columns(wanted: Mapping[str, str], parts: list[str]) -> dict[str, dict[str, str]]:
     """The settings of columns. A name without a prefix applies to every table that has such a column."""
-    out: dict[str, dict[str, str]] = {}
+    settings: dict[str, dict[str, str]] = {}
     for ours, yours in wanted.items():
         part, _, key = ours.rpartition(".")
         takers = [p for p in parts if part in ("", p) and key in COLUMNS[p].model_fields]
@@ -138,8 +138,8 @@ def _columns(wanted: Mapping[str, str], parts: list[str]) -> dict[str, dict[str,
             names = [name for p in parts for field in COLUMNS[p].model_fields for name in (field, f"{p}.{field}")]
             raise InputError(f"--columns: got {ours!r}, needed one of {columns}{did_you_mean(ours, names)}")
         for p in takers:
-            out.setdefault(SETTING[p], {})[key] = yours
-    return out
+            settings.setdefault(SETTING[p], {})[key] = yours
+    return settings
 
 
 def framed(scenario: Scenario) -> Scenario:

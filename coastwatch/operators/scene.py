@@ -167,13 +167,13 @@ def _frame(area: dict[str, float], bbox: tuple[float, float, float, float] | Non
 
 def _coverages(rows: Rows) -> tuple[Coverage, ...]:
     kinds = {"radar": RADAR, "ais": STATION, "bearing": BEARING}
-    out = []
+    coverages = []
     for row in rows.rows:
         sensor = dict(zip(rows.columns, row, strict=True))
         site = np.array([sensor["latitude_deg"], sensor["longitude_deg"]], float)
         arc = (float(sensor["spec"].get("arc_from_deg", 0.0)), float(sensor["spec"].get("arc_to_deg", 360.0)))
-        out.append(Coverage(sensor["name"], kinds[sensor["kind"]], site, float(sensor["range_m"]), arc))
-    return tuple(sorted(out, key=lambda c: (RADAR, BEARING, STATION).index(c.kind)))
+        coverages.append(Coverage(sensor["name"], kinds[sensor["kind"]], site, float(sensor["range_m"]), arc))
+    return tuple(sorted(coverages, key=lambda c: (RADAR, BEARING, STATION).index(c.kind)))
 
 
 def _cover_cells(database: Store, run_id: int, clutter: bool) -> CoverCells:
@@ -193,14 +193,14 @@ def _cover_cells(database: Store, run_id: int, clutter: bool) -> CoverCells:
 def _kinds(sources: list[str | None], table: Rows) -> Array:
     """Which sensors have a track of each vessel. Args: sources: names with commas between, None or empty if there is none."""
     kind_of = {f",{name},": kind for name, kind in zip(table.column("name"), table.column("kind"), strict=True)}
-    out = []
+    kind_of_vessel = []
     for text in sources:
         kinds = {kind for name, kind in kind_of.items() if name in f",{text},"}
         if kinds & {"radar", "ais"}:  # a sonar beside them changes no symbol: its bearing is drawn as a line
-            out.append(FUSED if {"radar", "ais"} <= kinds else AIS_ONLY if "ais" in kinds else RADAR_ONLY)
+            kind_of_vessel.append(FUSED if {"radar", "ais"} <= kinds else AIS_ONLY if "ais" in kinds else RADAR_ONLY)
         else:
-            out.append(SONAR_ONLY if "bearing" in kinds else COASTING)
-    return np.array(out, "U13")
+            kind_of_vessel.append(SONAR_ONLY if "bearing" in kinds else COASTING)
+    return np.array(kind_of_vessel, "U13")
 
 
 def _bearings(database: Store, run_id: int, vessels: list[int], position_deg: Floats) -> Floats:

@@ -37,11 +37,11 @@ def order(column: Callable[[str], Array], columns: Sequence[str], sort: Sequence
     """
     names = [presentation.name_in_operator_units(name) for name in columns]
     keys = [(columns[_at(names, key.removeprefix("-"), "--sort")], key.startswith("-")) for key in sort]
-    out: Ints = np.arange(len(column(columns[0])))
+    rows: Ints = np.arange(len(column(columns[0])))
     for name, down in reversed(keys):
-        value, absent = _ranked(name, column(name)[out])
-        out = out[np.lexsort((-value if down else value, absent))]
-    return out
+        value, absent = _ranked(name, column(name)[rows])
+        rows = rows[np.lexsort((-value if down else value, absent))]
+    return rows
 
 
 def _ranked(name: str, values: Array) -> tuple[Array, Array]:

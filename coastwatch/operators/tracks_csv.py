@@ -25,8 +25,8 @@ def written(path: str, origin_deg: tuple[float, float]) -> Iterator[Callable[[Cy
     """
     origin = np.array(origin_deg)
     with open(path, "w", encoding="utf-8", newline="") as file:
-        out = csv.writer(file, lineterminator="\n")
-        out.writerow(COLUMNS)
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
 
         def add(cycle: Cycle) -> None:
             picture = cycle.picture
@@ -34,6 +34,6 @@ def written(path: str, origin_deg: tuple[float, float]) -> Iterator[Callable[[Cy
             velocity = np.einsum("vij,vj->vi", turn(picture.position_deg, origin), picture.velocity_m_s)
             motion = (position_m[:, 1], position_m[:, 0], velocity[:, 1], velocity[:, 0])
             columns = (picture.time_s, picture.vessel_id, *motion, *picture.position_deg.T)
-            out.writerows(zip(*(column.tolist() for column in columns), strict=True))
+            writer.writerows(zip(*(column.tolist() for column in columns), strict=True))
 
         yield add

@@ -228,7 +228,7 @@ def test_requests_that_come_before_their_answers_are_read_wait_outside(served: S
 
 
 def test_whoever_reads_no_answer_is_closed(served: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("coastwatch.operators.api.patience.UNREAD_S", 0.3)
+    monkeypatch.setattr("coastwatch.operators.api.slow_requests.UNREAD_S", 0.3)
     (tmp_path / "large").write_bytes(bytes(32 << 20))
     (tmp_path / "index.html").write_text("")
     with listening(served.service, web=tmp_path) as address:

@@ -418,17 +418,17 @@ def _vessel(service: Service, vessel_id: int) -> tuple[presentation.Run, present
 def _has_source(picture: LivePicture, text: str) -> Bools:
     """Which vessels have one of these kinds of sources, or one of these sources. (V,)"""
     sources = {name for texts in picture.source_texts for name in texts.split(",")}
-    out = np.zeros(len(picture), np.bool_)
+    has_source = np.zeros(len(picture), np.bool_)
     for word in _names(text):
         if word in KINDS:
-            out |= (picture.kind & KINDS[word]) != 0
+            has_source |= (picture.kind & KINDS[word]) != 0
         elif word in sources:
-            out |= np.array([word in texts.split(",") for texts in picture.source_texts], np.bool_)[picture.source_codes]
+            has_source |= np.array([word in texts.split(",") for texts in picture.source_texts], np.bool_)[picture.source_codes]
         else:
             raise HTTPException(
                 400, f"sources: got {word!r}, needed some of {', '.join([*KINDS, *sorted(sources - {''} - set(KINDS))])}"
             )
-    return out
+    return has_source
 
 
 def _names(text: str | None) -> Sequence[str]:

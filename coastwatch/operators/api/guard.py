@@ -361,7 +361,7 @@ def _limited(receive: Receive, send: Send) -> tuple[Receive, Send]:
 
     Where the answer has begun the sender seems to have gone.
     """
-    taken, whole, begun = 0, False, False
+    received, whole, begun = 0, False, False
     until_s = asyncio.get_running_loop().time() + BODY_S
 
     def refusal(status: int, detail: str) -> Message:
@@ -370,15 +370,15 @@ def _limited(receive: Receive, send: Send) -> tuple[Receive, Send]:
         raise HTTPException(status, detail, {"Connection": "close"})
 
     async def receiving() -> Message:
-        nonlocal taken, whole
+        nonlocal received, whole
         try:
             async with asyncio.timeout_at(None if whole else until_s):
                 message = await receive()
         except TimeoutError:
             return refusal(408, f"the body did not come within {BODY_S:g} s")
-        taken += len(message.get("body", b""))
+        received += len(message.get("body", b""))
         whole = whole or not message.get("more_body", False)
-        if taken > LARGEST_BODY:
+        if received > LARGEST_BODY:
             return refusal(413, f"got a body of more than {LARGEST_BODY} bytes, needed at most {LARGEST_BODY}")
         return message
 

@@ -128,13 +128,13 @@ class Service:
 
     def receive(self, picture: LivePicture) -> None:
         """Take a picture of the source. It may be called in any thread, one call at a time."""
-        taken = self.source.cycle_s()
-        if taken is not None:
-            self.metrics.cycle.observe(taken)
+        cycle_s = self.source.cycle_s()
+        if cycle_s is not None:
+            self.metrics.cycle.observe(cycle_s)
         self.metrics.picture(picture, self.source.now_s())
         self.hub.receive(picture)
-        for out in self.outs:
-            out.receive(picture)
+        for output in self.outs:
+            output.receive(picture)
 
     def picture(self) -> LivePicture:
         """The newest picture. Raises: NoPictureYet."""
@@ -162,7 +162,7 @@ class Service:
 
     def feeds(self) -> list[FeedState]:
         """The feeds with their counters."""
-        return [*self.source.feeds(), *(out.counters() for out in (*self.outs, *self.journals))]
+        return [*self.source.feeds(), *(output.counters() for output in (*self.outs, *self.journals))]
 
     @property
     def book(self) -> AlarmBook:
@@ -250,13 +250,13 @@ class Service:
 
     def troubles(self) -> list[Trouble]:
         """What an operator should know, the serious first."""
-        out = [*self.source.troubles(), *(trouble for ask in self.asked for trouble in ask())]
+        troubles = [*self.source.troubles(), *(trouble for ask in self.asked for trouble in ask())]
         about = self.source.about()
         if self.hub.picture is not None and self.source.live and about is not None:
             oldest_s = max(READY_WITHIN_S, READY_WITHIN_PERIODS * about.period_s)
             if (waited_s := self.metrics.waited_s) > oldest_s:
-                out.append(Trouble("picture", "", None, f"no picture has come for {waited_s:.0f} s", True))
-        return sorted(out, key=lambda trouble: not trouble.is_serious)
+                troubles.append(Trouble("picture", "", None, f"no picture has come for {waited_s:.0f} s", True))
+        return sorted(troubles, key=lambda trouble: not trouble.is_serious)
 
     def ready(self) -> tuple[bool, dict[str, object]]:
         """Whether there is a picture of now, and why not. A trouble that is not serious is said, and does not count."""
@@ -272,7 +272,7 @@ class Service:
 
     def status(self) -> dict[str, object]:
         """The run, its newest picture and its age, and what is wrong. Raises: NoPictureYet; StoreError of a database that is followed."""
-        picture, about, taken, error = self.picture(), self.about(), self.source.cycle_s(), self.source.error()
+        picture, about, cycle_s, error = self.picture(), self.about(), self.source.cycle_s(), self.source.error()
         run_status = "running" if error is None else "failed"
         if not self.source.live:
             run_status = store.run_status(self.store, picture.run_id)
@@ -290,7 +290,7 @@ class Service:
             "server_utc": presentation.utc_text(time.time()),
             "age_s": round(self.metrics.age_s, 3),
             "period_s": about.period_s,
-            "cycle_ms": None if taken is None else round(taken * 1e3, 1),
+            "cycle_ms": None if cycle_s is None else round(cycle_s * 1e3, 1),
             "vessels": len(picture),
             "by_kind": {str(kind): int((picture.kind == kind).sum()) for kind in range(8)},
             "viewers": len(self.hub.viewers),

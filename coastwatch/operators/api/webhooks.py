@@ -171,10 +171,10 @@ async def sending(
 
 def _messages(service: Service, changes: Sequence[Change]) -> list[tuple[str, _Message]]:
     """A message for each change, with the kind of its alarm."""
-    out = []
+    messages = []
     for change, text in zip(changes, as_json(service, [change.alarm for change in changes]), strict=True):
         if text is not None:
             word, alarm = WORDS[change.what], change.alarm
             body = f'{{"event": "{word}", "alarm": {text}}}'.encode()
-            out.append((alarm.kind, _Message(alarm.urgency[0], change.number, f"{alarm.alarm_id}-{word}", body)))
-    return out
+            messages.append((alarm.kind, _Message(alarm.urgency[0], change.number, f"{alarm.alarm_id}-{word}", body)))
+    return messages

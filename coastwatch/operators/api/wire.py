@@ -94,12 +94,12 @@ class Frame:
         padded = np.zeros(len(now), np.uint32)
         padded[: len(before)] = before
         removed = np.flatnonzero((now == 0) & (padded != 0))
-        born = np.flatnonzero((now != 0) & (now != padded))
+        added = np.flatnonzero((now != 0) & (now != padded))
         changed = np.zeros(len(now), np.bool_)
         changed[touched] = True
-        changed[born] = True
+        changed[added] = True
         slots = np.flatnonzero(changed & (now != 0))
-        return _message(self, DELTA, base, self._at_time(slots), now, slots, removed, born)
+        return _message(self, DELTA, base, self._at_time(slots), now, slots, removed, added)
 
     def heartbeat(self) -> bytes:
         """The message that says that there is no newer frame."""
@@ -111,10 +111,10 @@ class Frame:
 
     def _at_time(self, slots: Ints | slice) -> Vessels:
         """These vessels, moved on to the time of the frame. Those of this frame are where they were measured."""
-        out = {name: column[slots] for name, column in self.vessels.items()}
+        columns = {name: column[slots] for name, column in self.vessels.items()}
         for axis, name in enumerate(("lat", "lon")):
-            out[name] = np.rint(self.position_deg[axis, slots] * 1e7).astype(COLUMNS[name])
-        return out
+            columns[name] = np.rint(self.position_deg[axis, slots] * 1e7).astype(COLUMNS[name])
+        return columns
 
 
 class Encoder:
@@ -188,37 +188,37 @@ class Encoder:
         latitude, longitude = expected_deg
         north = (now["lat"] * 1e-7 - latitude) * A_DEGREE_M
         east = _within_half_a_turn(now["lon"] * 1e-7 - longitude) * A_DEGREE_M * _cos_deg(latitude)
-        out = north * north + east * east > METRES * METRES
+        differs = north * north + east * east > METRES * METRES
         speed, before = now["sog"].astype(np.int32), sent["sog"].astype(np.int32)
-        out |= np.abs(speed - before) > round(KNOTS * 100)
+        differs |= np.abs(speed - before) > round(KNOTS * 100)
         turned = np.abs((now["cog"] - sent["cog"]).view(np.int16).astype(np.int32)) > DEGREES * 65536 / 360  # it wraps
-        out |= turned & (speed > SLOW_KN * 100)
-        out |= (now["flag"] != sent["flag"]) | (now["kind"] != sent["kind"]) | (self._due_s[self._slot] <= time_s)
+        differs |= turned & (speed > SLOW_KN * 100)
+        differs |= (now["flag"] != sent["flag"]) | (now["kind"] != sent["kind"]) | (self._due_s[self._slot] <= time_s)
         for axis in ("major", "minor"):
-            out |= np.abs(now[axis].astype(np.int16) - sent[axis]) > AXIS_STEPS
-        return np.asarray(out)
+            differs |= np.abs(now[axis].astype(np.int16) - sent[axis]) > AXIS_STEPS
+        return np.asarray(differs)
 
 
 def encoded(picture: LivePicture) -> Vessels:
     """The vessels of a picture in the units of the wire. (V,) each"""
-    out = {
+    columns = {
         name: np.rint(picture.array(f"{name}itude_deg" if name == "lat" else "longitude_deg") * 1e7) for name in ("lon", "lat")
     }
     sog, cog = picture.array("sog_kn"), picture.array("cog_deg")
     is_known = np.isfinite(sog)
-    out["sog"] = np.where(is_known, np.rint(np.where(is_known, sog, 0.0) * 100.0).clip(0, UNKNOWN_SOG - 1), UNKNOWN_SOG)
-    out["cog"] = _steps(cog, 65536.0 / 360.0) & 65535
-    out["kind"] = picture.kind
+    columns["sog"] = np.where(is_known, np.rint(np.where(is_known, sog, 0.0) * 100.0).clip(0, UNKNOWN_SOG - 1), UNKNOWN_SOG)
+    columns["cog"] = _steps(cog, 65536.0 / 360.0) & 65535
+    columns["kind"] = picture.kind
     flags = picture.array("flags")
-    out["flag"] = (flags & FIRST_SIX) | np.where(flags & int(ALARMING), ALARM, 0)
+    columns["flag"] = (flags & FIRST_SIX) | np.where(flags & int(ALARMING), ALARM, 0)
     for name in ("major", "minor"):
         metres = picture.array(f"{name}_m").astype(np.float32)  # a step is 4 %
         steps = _sixteenths(np.fmax(metres, 0.5) * 2.0).clip(0, UNKNOWN_AXIS - 1)
-        out[name] = np.where(np.isfinite(metres), steps, UNKNOWN_AXIS)
-    out["angle"] = _steps(picture.array("orientation_deg"), 256.0 / 180.0) & 255
+        columns[name] = np.where(np.isfinite(metres), steps, UNKNOWN_AXIS)
+    columns["angle"] = _steps(picture.array("orientation_deg"), 256.0 / 180.0) & 255
     age_s = (picture.array("time_s") - picture.array("updated_s")).astype(np.float32)
-    out["age"] = _sixteenths(np.fmax(age_s, 1.0)).clip(0, 255)
-    return {name: out[name].astype(kind) for name, kind in COLUMNS.items()}
+    columns["age"] = _sixteenths(np.fmax(age_s, 1.0)).clip(0, 255)
+    return {name: columns[name].astype(kind) for name, kind in COLUMNS.items()}
 
 
 def _steps(degrees: Floats, steps: float) -> Ints:
@@ -277,16 +277,16 @@ def _message(frame: Frame, kind: int, base: int, vessels: Vessels, ids: Array, *
 
 def _header(frame: Frame, kind: int, base: int, lists: Sequence[Array], size: int) -> bytes:
     """The header of a message. Args: lists: as of `_message`; size: of the body."""
-    changed, removed, born = map(len, lists or ((), (), ()))
+    changed, removed, added = map(len, lists or ((), (), ()))
     slots, whole = len(frame.ids), HEADER.size + size
-    return HEADER.pack(MAGIC, VERSION, kind, 0, frame.seq, base, frame.time_s, slots, changed, removed, born, frame.run, whole)
+    return HEADER.pack(MAGIC, VERSION, kind, 0, frame.seq, base, frame.time_s, slots, changed, removed, added, frame.run, whole)
 
 
 def _longer(array: Array, size: int) -> Array:
     """A copy, with zeros behind it up to this size."""
-    out = np.zeros(size, array.dtype)
-    out[: len(array)] = array
-    return out
+    longer = np.zeros(size, array.dtype)
+    longer[: len(array)] = array
+    return longer
 
 
 _NONE = np.zeros(0, np.int64)

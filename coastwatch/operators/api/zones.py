@@ -119,8 +119,8 @@ def _source(stored: StoredZone) -> dict[str, object]:
     return {"number": stored.number, "version": stored.version, "source": source}
 
 
-def _feature(stored: StoredZone, zone: Zone, **more: str) -> dict[str, object]:
-    """A zone as a feature of GeoJSON: its definition, its numbers and more as properties. Args: zone: its definition."""
+def _feature(stored: StoredZone, zone: Zone, **also: str) -> dict[str, object]:
+    """A zone as a feature of GeoJSON: its definition and numbers as properties. Args: zone: its definition; also: properties."""
     if zone.kind == "circle":
         angle = np.arange(CORNERS) * (2.0 * np.pi / CORNERS)
         reach_m = (zone.radius_nm or 0.0) * NAUTICAL_MILE_M * np.stack([np.sin(angle), np.cos(angle)], 1)
@@ -132,5 +132,5 @@ def _feature(stored: StoredZone, zone: Zone, **more: str) -> dict[str, object]:
     drawn = np.round(np.stack([longitude, points[:, 0]], 1), 7).tolist()
     line = {"type": "LineString", "coordinates": drawn}
     geometry = line if zone.kind == "line" else {"type": "Polygon", "coordinates": [[*drawn, drawn[0]]]}
-    properties = {**_source(stored), **zone.model_dump(mode="json", warnings=False), **more}
+    properties = {**_source(stored), **zone.model_dump(mode="json", warnings=False), **also}
     return {"type": "Feature", "id": stored.number, "geometry": geometry, "properties": properties}

@@ -201,5 +201,5 @@ def written_as(names: tuple[str, ...]) -> str:
 
 def _form(names: tuple[str, ...]) -> str:
     """name,...,rpm[,range_noise_m[,azimuth_noise_deg]]."""
-    needed, more = names[: NEEDED[names]], names[NEEDED[names] :]
-    return ",".join(needed) + "".join(f"[,{name}" for name in more) + "]" * len(more)
+    needed, optional = names[: NEEDED[names]], names[NEEDED[names] :]
+    return ",".join(needed) + "".join(f"[,{name}" for name in optional) + "]" * len(optional)

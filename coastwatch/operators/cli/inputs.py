@@ -71,20 +71,20 @@ def warnings(scenario: Scenario, result: RunResult) -> list[str]:
 
 def warnings_of_files(scenario: Scenario, contents: Sequence[FileContent], faults: Sequence[Fault]) -> list[str]:
     """The warnings that need no result: files of odd times, files that do not overlap in time or in place, unknown sensors, odd speeds."""
-    taken = [file for file in contents if file.records]
+    read = [file for file in contents if file.records]
     return [
         *(
             f"{file.name}: its times are {span_of(file)}: are they seconds from a start, or days of a spreadsheet? "
             f"Numbers count as Unix time; with --columns time=NAME another column has the time"
-            for file in taken
+            for file in read
             if file.last_s < FIRST_RECORDING_S  # no recording is so old
         ),
-        *_without_overlap(taken),
+        *_without_overlap(read),
         *_elsewhere(scenario, contents),
         *(
             f"{fault.count:,} rows are left out: {fault.kind} (first at {fault.where}: {fault.example})"
             for fault in faults
-            if fault.kind in UNKNOWN_SENSORS and any(fault.where.startswith(file.name) for file in taken)
+            if fault.kind in UNKNOWN_SENSORS and any(fault.where.startswith(file.name) for file in read)
         ),
         *(f"{file.name}: {doubt}" for file in contents for doubt in file.doubts),
     ]
@@ -146,24 +146,24 @@ def _elsewhere(scenario: Scenario, contents: Sequence[FileContent]) -> Iterator[
 
 def _near(a: Box, b: Box) -> bool:
     """Whether two boxes lie within NEAR_DEG of each other. One over the antimeridian may count as near."""
-    apart = (b[1] + b[3] - a[1] - a[3]) / 2.0
-    apart = abs((apart + 180.0) % 360.0 - 180.0) - (a[3] - a[1] + b[3] - b[1]) / 2.0
-    return a[0] - NEAR_DEG < b[2] and b[0] - NEAR_DEG < a[2] and apart < NEAR_DEG
+    gap_deg = (b[1] + b[3] - a[1] - a[3]) / 2.0
+    gap_deg = abs((gap_deg + 180.0) % 360.0 - 180.0) - (a[3] - a[1] + b[3] - b[1]) / 2.0
+    return a[0] - NEAR_DEG < b[2] and b[0] - NEAR_DEG < a[2] and gap_deg < NEAR_DEG
 
 
 def _empty_picture(result: RunResult) -> Iterator[str]:
     """Why the last picture has no vessel. A run of simulated sensors has no files."""
     if result.vessels or not result.contents:
         return
-    taken = [file for file in result.contents if file.records]
-    kinds = {file.kind for file in taken}
-    if not taken:
+    read = [file for file in result.contents if file.records]
+    kinds = {file.kind for file in read}
+    if not read:
         refusals = ", ".join(f"{f.count:,} {f.kind} (first at {f.where})" for f in refused(result.faults))
         why = f"every record was refused: {refusals}" if refusals else "the files hold none"
     elif result.most_vessels:
         why = (
             f"there were up to {result.most_vessels:,} at {_utc(result.most_vessels_s)}; the newest record is of "
-            f"{_utc(max(file.last_s for file in taken))}, the last cycle of {_utc(result.stop_s)}"
+            f"{_utc(max(file.last_s for file in read))}, the last cycle of {_utc(result.stop_s)}"
         )
     elif kinds == {"bearings"}:
         why = "bearings alone place no vessel, they need radar, AIS or tracks"
@@ -171,7 +171,7 @@ def _empty_picture(result: RunResult) -> Iterator[str]:
         why = "no plots of a radar followed one another as those of a vessel do: check its position, rpm, range and noise"
     else:
         why = "no track was confirmed: check units and times of the columns above, and --period"
-    yield f"0 vessels from {', '.join(f'{file.records:,} {file.kind}' for file in taken) or '0 records'}: {why}"
+    yield f"0 vessels from {', '.join(f'{file.records:,} {file.kind}' for file in read) or '0 records'}: {why}"
 
 
 def _utc(time_s: float) -> str:

@@ -24,9 +24,9 @@ from coastwatch.operators.api import logs
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.bounds import LARGEST_HEAD, LARGEST_MESSAGE
 from coastwatch.operators.api.guard import LOOPBACK, Guard
-from coastwatch.operators.api.patience import Frames, SlowRequestGuard
 from coastwatch.operators.api.proxy import trusted
 from coastwatch.operators.api.service import Service
+from coastwatch.operators.api.slow_requests import Frames, SlowRequestGuard
 from coastwatch.operators.api.tokens import Tokens, add
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
 from coastwatch.scenario import load_scenario
@@ -97,9 +97,9 @@ class Followed:
         return None
 
     def later(self, job: Callable[[], T]) -> Future[T]:
-        made = self._changes.submit(job)
-        made.add_done_callback(lambda _: self._follower.look_soon())
-        return made
+        future = self._changes.submit(job)
+        future.add_done_callback(lambda _: self._follower.look_soon())
+        return future
 
     def __enter__(self) -> Followed:
         self._follower.__enter__()
@@ -197,12 +197,12 @@ def _outs(options: Deployment) -> list[OutAddress]:
 
 def _journal_addresses(options: Deployment) -> list[RegionAddress]:
     """Where the tracks of this region are published. Raises: AddressError, InputError."""
-    found = [parsed_region(text.removeprefix(TRACKS)) for text in options.out if text.startswith(TRACKS)]
-    if any(not address.stream for address in found):
+    addresses = [parsed_region(text.removeprefix(TRACKS)) for text in options.out if text.startswith(TRACKS)]
+    if any(not address.stream for address in addresses):
         raise InputError("--out: got tracks+ of no stream, needed tracks+nats://HOST:PORT/NAME or tracks+tls://HOST:PORT/NAME")
-    if found and options.role != "region":
+    if addresses and options.role != "region":
         raise InputError(f"--out tracks+...: got it with --role {options.role}, needed --role region: it has tracks to publish")
-    return found
+    return addresses
 
 
 def _webhooks(options: Deployment) -> list[WebHook]:
@@ -276,8 +276,8 @@ def _guard(options: Deployment) -> Guard:
 
 def add_token(options: argparse.Namespace) -> int:
     """Make a token and print it; the file keeps its hash only."""
-    given = add(Path(options.tokens), options.name, options.role, options.expires)
-    print(given)
+    token = add(Path(options.tokens), options.name, options.role, options.expires)
+    print(token)
     print(f"coastwatch: {options.role} {options.name} is in {options.tokens}; the token is shown this once", file=sys.stderr)
     return 0
 
@@ -288,7 +288,7 @@ def listen(service: Service, guard: Guard, options: Deployment, listener: socket
     address = f"{'https' if options.tls_cert else 'http'}://{f'[{host}]' if ':' in host else host}:{port}"
     service.webhooks = _webhooks(options)
     with ExitStack() as stack:
-        service.outs = [stack.enter_context(OutFeed(out)) for out in _outs(options)]
+        service.outs = [stack.enter_context(OutFeed(address_out)) for address_out in _outs(options)]
         logs.say(f"coastwatch: {address}", address=address)
         server = server_of(application(service, guard), ssl_certfile=options.tls_cert, ssl_keyfile=options.tls_key)
 
@@ -300,12 +300,12 @@ def listen(service: Service, guard: Guard, options: Deployment, listener: socket
             server.run(sockets=[listener])
 
 
-def server_of(app: FastAPI, **given: Any) -> uvicorn.Server:
-    """The server of an application, which then knows when it ends. Args: given: more settings of uvicorn."""
-    patience = SlowRequestGuard(app, lambda status: app.state.service.metrics.requests.labels(status).inc())
+def server_of(app: FastAPI, **more_settings: Any) -> uvicorn.Server:
+    """The server of an application, which then knows when it ends. Args: more_settings: of uvicorn."""
+    slow_requests = SlowRequestGuard(app, lambda status: app.state.service.metrics.requests.labels(status).inc())
     config = uvicorn.Config(
-        patience,
-        http=patience.protocol,
+        slow_requests,
+        http=slow_requests.protocol,
         log_level="error",  # below that, whoever sends rubbish fills the log
         h11_max_incomplete_event_size=LARGEST_HEAD,
         ws=Frames,
@@ -315,25 +315,25 @@ def server_of(app: FastAPI, **given: Any) -> uvicorn.Server:
         proxy_headers=False,  # the address of the other end is that of the connection: a header may say anything
         log_config=None,
         server_header=False,
-        **given,
+        **more_settings,
     )
-    made = uvicorn.Server(config)
-    app.state.stopping = lambda: made.should_exit
-    return made
+    server = uvicorn.Server(config)
+    app.state.stopping = lambda: server.should_exit
+    return server
 
 
 def bound(host: str, port: int) -> socket.socket:
     """A listening socket: requests wait until the server answers. Raises: OSError that names the address."""
     family, kind, proto, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-    made = socket.socket(family, kind, proto)
+    listener = socket.socket(family, kind, proto)
     try:
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        notice_loss(made)  # else a stream of a lost network keeps its slot for a quarter of an hour
-        made.bind(address)
-        made.listen(BACKLOG)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        notice_loss(listener)  # else a stream of a lost network keeps its slot for a quarter of an hour
+        listener.bind(address)
+        listener.listen(BACKLOG)
     except OSError as error:
-        made.close()
+        listener.close()
         raise OSError(
             f"{host}:{port}: {error.strerror}: is another server running there? --port chooses another one"
         ) from error
-    return made
+    return listener

@@ -97,7 +97,7 @@ def _scores(scenario: Scenario, scores: Mapping[str, Scores | float | None]) -> 
         return
     lanes, motion = getattr(scenario.input, "lanes", None), getattr(scenario.input, "motion", None)
     unbound = ("lanes sway", getattr(lanes, "share", 0.0)), ("vessels brake", getattr(motion, "stopping_share", 0.0))
-    why_unbound = " and ".join(reason for reason, share in unbound if share)  # no exact filter can follow such a vessel
+    why_unbound = " and ".join(reason for reason, is_so in unbound if is_so)  # no exact filter can follow such a vessel
     yield "scores"
     for stage, values in scores.items():
         if isinstance(values, Mapping):
@@ -143,8 +143,8 @@ def _fusion_score(values: Scores, why_unbound: str) -> Iterator[str]:
 
 def _figure(key: str, value: object) -> str:
     if isinstance(value, float):
-        share = key.endswith(("_rate", "_share", "recall", "precision", "coverage"))
-        return f"{100.0 * value:.2f} %" if share else f"{value:.4g}"
+        is_share = key.endswith(("_rate", "_share", "recall", "precision", "coverage"))
+        return f"{100.0 * value:.2f} %" if is_share else f"{value:.4g}"
     return str(value)
 
 
@@ -153,7 +153,7 @@ def _timings(timings_s: Mapping[str, Mapping[str, float]], period_s: float) -> I
         return
     yield f"time of a cycle{'':<10} median ms    p99 ms   of all stages   of the {period_s:g} s period"
     for stage, t in timings_s.items():
-        share, of_period = 100.0 * t["share"], 100.0 * t["median"] / period_s
-        yield f"  {stage:<22} {1e3 * t['median']:>10.2f} {1e3 * t['p99']:>9.2f} {share:>13.1f} % {of_period:>17.3f} %"
+        percent, of_period = 100.0 * t["share"], 100.0 * t["median"] / period_s
+        yield f"  {stage:<22} {1e3 * t['median']:>10.2f} {1e3 * t['p99']:>9.2f} {percent:>13.1f} % {of_period:>17.3f} %"
     median = sum(t["median"] for t in timings_s.values())
     yield f"  {'sum of medians':<22} {1e3 * median:>10.2f} {'':>9} {'':>13}   {100.0 * median / period_s:>17.3f} %"

@@ -101,7 +101,7 @@ class SlowRequestGuard:
     def _begin_count(self, client: Client) -> None:
         connection = self._connections.get(client)
         if connection is not None:
-            connection.taken = 0
+            connection.received = 0
 
 
 class _Watched(asyncio.Protocol):
@@ -111,7 +111,7 @@ class _Watched(asyncio.Protocol):
     _transport: asyncio.Transport
 
     def __init__(self, inner: asyncio.Protocol, guard: SlowRequestGuard) -> None:
-        self.taken = 0  # bytes since a request or an answer was whole
+        self.received = 0  # bytes since a request or an answer was whole
         self._inner, self._guard = inner, guard
         self._unread: asyncio.TimerHandle | None = None
         self._left = 0  # bytes that waited at the last look
@@ -129,8 +129,8 @@ class _Watched(asyncio.Protocol):
         self._inner.connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        self.taken += len(data)
-        if self.taken > LARGEST_EXTRA + len(data):  # a request that came with them may be whole by now
+        self.received += len(data)
+        if self.received > LARGEST_EXTRA + len(data):  # a request that came with them may be whole by now
             self._guard.end(self._client, self._transport, LARGE)
             return
         self._guard.wait_for(self._client, self._transport)

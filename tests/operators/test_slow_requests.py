@@ -23,7 +23,7 @@ BEGUN = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: "
 @contextmanager
 def impatient(served: Served, folder: Path, monkeypatch: pytest.MonkeyPatch, **limits: Any) -> Iterator[tuple[str, int]]:
     """A server that waits for a head for HEAD_S. Yields: host and port."""
-    from coastwatch.operators.api.patience import SlowRequestGuard
+    from coastwatch.operators.api.slow_requests import SlowRequestGuard
 
     given = {"head_s": HEAD_S, **limits}
     monkeypatch.setattr(
