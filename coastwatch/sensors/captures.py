@@ -87,12 +87,12 @@ def datagrams(stream: Bytes, name: str, port: int | None, tally: Tally) -> Itera
 def _next(packets: Iterator[Any]) -> tuple[float, bytes] | None:
     """The next packet; None: there is none. Raises: as of `datagrams`."""
     try:
-        found: tuple[float, bytes] | None = next(packets, None)
+        packet: tuple[float, bytes] | None = next(packets, None)
     except (EOFError, OSError, zlib.error, ValueError):
         raise
     except Exception as error:  # whatever the library raises on damaged bytes
         raise ValueError(f"{type(error).__name__}: {error}") from error
-    return found
+    return packet
 
 
 def _network(data: bytes, link: int) -> Any:

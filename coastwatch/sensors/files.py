@@ -18,7 +18,7 @@ from coastwatch.formats.decoding import DROPPED, LATE, Decoder, FeedSettings, It
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.registry import DECODED, FORMATS, decoders_of
 from coastwatch.sensors.captures import Bytes, datagrams, is_capture
-from coastwatch.sensors.recorded.files import found, opened
+from coastwatch.sensors.recorded.files import existing_path, opened
 
 BLOCK_BYTES = 1 << 18
 """Bytes of a file that are read at a time."""
@@ -75,7 +75,7 @@ def items_of(file: WireFile, tally: Tally) -> Iterator[Item]:
 
     A file that is cut short or damaged is counted, and used as far as it goes. Raises: OSError, InputError that names file and byte.
     """
-    path, format_ = found(file.path), FORMATS[file.format]
+    path, format_ = existing_path(file.path), FORMATS[file.format]
     used = False
     with opened(path) as opened_file:
         stream = Bytes(opened_file)
@@ -168,7 +168,7 @@ class WireStream:
         self._lateness_s = lateness_s
         decoders, self._report_sources = decoders_of([(file.format, file.settings()) for file in files], sensors, first_feed)
         for file, decoder in zip(files, decoders, strict=True):
-            if not decoder.has_dates and not is_capture(found(file.path)):
+            if not decoder.has_dates and not is_capture(existing_path(file.path)):
                 raise InputError(
                     f"{file.path}: got times of day without a date, needed the day of its first report behind '?': "
                     f"{file.format}+file:{file.path}?date=YYYY-MM-DD; or a capture, whose packets have times"

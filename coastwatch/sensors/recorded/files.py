@@ -39,7 +39,7 @@ def _checkout() -> Path:
     return Path(coastwatch.__file__).resolve().parents[1]
 
 
-def found(path: Path) -> Path:
+def existing_path(path: Path) -> Path:
     """The path as given if it exists, else relative to the checkout.
 
     Raises: FileNotFoundError that names both.
@@ -57,7 +57,7 @@ def data_folder(root: Path | None, name: str) -> Path:
     Raises: FileNotFoundError that names every folder that was tried.
     """
     if root is not None:
-        return found(root)
+        return existing_path(root)
     looked = [parent / "shared" / "data" / name for parent in (_checkout().parent, Path.cwd(), Path.cwd().parent)]
     for folder in looked:
         if folder.is_dir():
@@ -71,11 +71,11 @@ def fingerprint(paths: tuple[Path, ...]) -> Fingerprint:
 
     Raises: FileNotFoundError that names the missing file.
     """
-    out = []
-    for path in map(found, paths):
+    stats = []
+    for path in map(existing_path, paths):
         stat = path.stat()
-        out.append((path, stat.st_size, stat.st_mtime_ns))
-    return tuple(out)
+        stats.append((path, stat.st_size, stat.st_mtime_ns))
+    return tuple(stats)
 
 
 def opened(path: Path) -> IO[bytes]:
@@ -129,12 +129,12 @@ def check_table(path: Path) -> None:
         got = "bytes that are not text" if len(NEVER_TEXT.findall(content)) > BINARY_SHARE * len(content) else ""
     if got:
         raise InputError(f"{path}: got {got}, needed a table in CSV or Parquet; AIS and tracks may be NMEA 0183")
-    if found := sentences_in(path):
-        part = next((part for part, kinds in SENTENCES.items() if any(found[kind] for kind in kinds)), None)
+    if counts := sentences_in(path):
+        part = next((part for part, kinds in SENTENCES.items() if any(counts[kind] for kind in kinds)), None)
         mend = (
             f"use --{part} (in a scenario: input.{SETTING_OF_SENTENCES[part]})" if part else "needed a table in CSV or Parquet"
         )
-        raise InputError(f"{path}: it holds {_counts(found)} sentences of NMEA 0183 and no table: {mend}")
+        raise InputError(f"{path}: it holds {_counts(counts)} sentences of NMEA 0183 and no table: {mend}")
 
 
 def has_sentences(path: Path, part: str) -> bool:
@@ -143,19 +143,19 @@ def has_sentences(path: Path, part: str) -> bool:
     Raises: InputError that names the file, and its sentences if they are others.
     """
     begin = head(path)
-    found = Counter(m[1].decode() for m in SENTENCE.finditer(begin))
-    if any(found[kind] for kind in SENTENCES[part]):
+    counts = Counter(m[1].decode() for m in SENTENCE.finditer(begin))
+    if any(counts[kind] for kind in SENTENCES[part]):
         return True
     if begin[:2] in UTF_16_MARKS and SENTENCE.search(as_utf8(begin)):
         raise InputError(f"{path}: got NMEA 0183 in UTF-16, needed ASCII or UTF-8: save it again as UTF-8")
-    found = sentences_in(path)
-    if any(found[kind] for kind in SENTENCES[part]):
+    counts = sentences_in(path)
+    if any(counts[kind] for kind in SENTENCES[part]):
         return True
-    if not found:
+    if not counts:
         return False
     wanted = " or ".join(SENTENCES[part])
-    other = next((o for o, kinds in SENTENCES.items() if any(found[kind] for kind in kinds)), None)
-    shown = found if other is None else Counter({kind: found[kind] for kind in SENTENCES[other] if found[kind]})
+    other = next((o for o, kinds in SENTENCES.items() if any(counts[kind] for kind in kinds)), None)
+    shown = counts if other is None else Counter({kind: counts[kind] for kind in SENTENCES[other] if counts[kind]})
     mend = f"use --{other} (in a scenario: input.{SETTING_OF_SENTENCES[other]})" if other else f"needed {wanted}"
     raise InputError(f"{path}: it holds {_counts(shown)} sentences and no {wanted}: {mend}")
 
@@ -168,5 +168,5 @@ def sentences_in(path: Path) -> Counter[str]:
     return Counter(m[1].decode() for m in SENTENCE.finditer(head(path, SCAN_BYTES)))
 
 
-def _counts(found: Counter[str]) -> str:
-    return ", ".join(f"{count:,} {kind}" for kind, count in found.most_common(5))
+def _counts(counts: Counter[str]) -> str:
+    return ", ".join(f"{count:,} {kind}" for kind, count in counts.most_common(5))

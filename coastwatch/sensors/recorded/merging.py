@@ -37,8 +37,8 @@ def by_arrival(parts: list[AnyReports]) -> AnyReports:
     if len(parts) == 1:
         return parts[0]
     together: Any = type(parts[0]).join(parts)
-    out: AnyReports = together.take(np.argsort(together.received_s, kind="stable"))
-    return out
+    in_order: AnyReports = together.take(np.argsort(together.received_s, kind="stable"))
+    return in_order
 
 
 def span_of(*received_s: Floats, faults: tuple[Fault, ...] = ()) -> tuple[float, float]:

@@ -72,8 +72,8 @@ class Autoferry(Method):
         radar, bearing = _radar_reports(frames, self, sensors, tally), _bearing_reports(frames, self, sensors, tally)
         instants = plan.start_s + plan.period_s * np.arange(plan.cycles + 1, dtype=np.float64)
         faults += tally.faults()
-        made = recording(radar=radar, bearing=bearing, truth=_trajectories(truth, np.asarray(instants)), faults=faults)
-        return replace(made, contents=(_content(frames, self, len(radar) + len(bearing)),))
+        loaded = recording(radar=radar, bearing=bearing, truth=_trajectories(truth, np.asarray(instants)), faults=faults)
+        return replace(loaded, contents=(_content(frames, self, len(radar) + len(bearing)),))
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last arrival."""
@@ -117,12 +117,12 @@ def _read(files: Fingerprint) -> tuple[_Returns, tuple[_Fixes, ...], tuple[Fault
 def _objects(path: Path) -> list[Any]:
     try:
         content = path.read_bytes()
-        found = json.loads(gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content)
+        objects = json.loads(gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content)
     except (ValueError, EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise InputError(f"{path}: got {error}, needed JSON, compressed or not") from error
-    if not isinstance(found, list):
-        raise InputError(f"{path}: got {type(found).__name__}, needed a list")
-    return found
+    if not isinstance(objects, list):
+        raise InputError(f"{path}: got {type(objects).__name__}, needed a list")
+    return objects
 
 
 def _returns(detections: list[Any], name: str, tally: Tally) -> _Returns:
@@ -164,12 +164,12 @@ def _returns(detections: list[Any], name: str, tally: Tally) -> _Returns:
     )
 
 
-def _content(found: _Returns, settings: Autoferry, taken: int) -> FileContent:
+def _content(returns: _Returns, settings: Autoferry, used: int) -> FileContent:
     """What was taken from the file, and which returns are of sensors that the settings leave out."""
     off = ((LIDAR,) if not settings.use_lidar else ()) + ((INFRARED, VISIBLE) if not settings.use_cameras else ())
-    times = (float(found.time_s.min()), float(found.time_s.max())) if len(found.time_s) else (math.nan, math.nan)
-    beside = ((NOT_USED, int(np.isin(found.sensor, off).sum())),)
-    return FileContent(found.name, "returns and bearings", taken, *times, read=found.read, beside=beside)
+    times = (float(returns.time_s.min()), float(returns.time_s.max())) if len(returns.time_s) else (math.nan, math.nan)
+    beside = ((NOT_USED, int(np.isin(returns.sensor, off).sum())),)
+    return FileContent(returns.name, "returns and bearings", used, *times, read=returns.read, beside=beside)
 
 
 def _measured(sensor: int, measurement: Any) -> Floats:
@@ -185,59 +185,59 @@ def _measured(sensor: int, measurement: Any) -> Floats:
 
 def _fixes(truth: list[Any]) -> tuple[_Fixes, ...]:
     """The fixes of each boat, each once, in order of time. Their pairing with detections is not used."""
-    found: dict[int, dict[float, tuple[float, float]]] = {}
+    by_target: dict[int, dict[float, tuple[float, float]]] = {}
     for item in truth:
         for fix in item if isinstance(item, list) else [item]:
             north, east = fix["position"][:2]
-            found.setdefault(int(fix["targetID"]), {})[float(fix["time"])] = (float(north), float(east))
-    out = []
-    for target, fixes in sorted(found.items()):
+            by_target.setdefault(int(fix["targetID"]), {})[float(fix["time"])] = (float(north), float(east))
+    fixes_of_target = []
+    for target, fixes in sorted(by_target.items()):
         times = sorted(fixes)
-        out.append(_Fixes(target, np.array(times), np.array([fixes[t] for t in times])))
-    return tuple(out)
+        fixes_of_target.append(_Fixes(target, np.array(times), np.array([fixes[t] for t in times])))
+    return tuple(fixes_of_target)
 
 
-def _radar_reports(found: _Returns, settings: Autoferry, sensors: Sensors, tally: Tally) -> RadarReports:
+def _radar_reports(returns: _Returns, settings: Autoferry, sensors: Sensors, tally: Tally) -> RadarReports:
     wanted = [(RADAR, settings.radar_time_lag_s), (LIDAR, settings.lidar_time_lag_s)][: 2 if settings.use_lidar else 1]
-    number = np.full(len(found.sensor), -1, np.int64)
-    lag = np.zeros(len(found.sensor))
+    number = np.full(len(returns.sensor), -1, np.int64)
+    lag = np.zeros(len(returns.sensor))
     for i, (kind, lag_s) in enumerate(wanted):
-        mine = found.sensor == kind
+        mine = returns.sensor == kind
         if i < len(sensors.radars):
             number[mine] = i
             lag[mine] = lag_s
         else:
             tally.add_rows(NO_SENSOR, mine, lambda _: "detections", lambda _, k=kind: f"sensorID {k}")  # type: ignore[misc]
     rows = np.flatnonzero(number >= 0)
-    ne = found.ne_m[rows]
+    ne = returns.ne_m[rows]
     return RadarReports(
         sensor=number[rows],
-        time_s=found.time_s[rows] - lag[rows],
-        received_s=found.received_s[rows],
+        time_s=returns.time_s[rows] - lag[rows],
+        received_s=returns.received_s[rows],
         range_m=np.hypot(ne[:, 0], ne[:, 1]),
         azimuth_deg=np.degrees(np.arctan2(ne[:, 1], ne[:, 0])) % 360.0,
-        site_deg=_geodetic(found.own_ne_m[rows]),
+        site_deg=_geodetic(returns.own_ne_m[rows]),
         origin=np.full(len(rows), -1, np.int64),
     )
 
 
-def _bearing_reports(found: _Returns, settings: Autoferry, sensors: Sensors, tally: Tally) -> BearingReports:
-    number = np.full(len(found.sensor), -1, np.int64)
+def _bearing_reports(returns: _Returns, settings: Autoferry, sensors: Sensors, tally: Tally) -> BearingReports:
+    number = np.full(len(returns.sensor), -1, np.int64)
     for i, kind in enumerate((INFRARED, VISIBLE) if settings.use_cameras else ()):
-        mine = found.sensor == kind
+        mine = returns.sensor == kind
         if i < len(sensors.sonars):
             number[mine] = i
         else:
             tally.add_rows(NO_SENSOR, mine, lambda _: "detections", lambda _, k=kind: f"sensorID {k}")  # type: ignore[misc]
     rows = np.flatnonzero(number >= 0)
-    ne = found.ne_m[rows]
+    ne = returns.ne_m[rows]
     return BearingReports(
         sensor=number[rows],
-        time_s=found.time_s[rows],
-        received_s=found.received_s[rows],
+        time_s=returns.time_s[rows],
+        received_s=returns.received_s[rows],
         bearing_deg=np.degrees(np.arctan2(ne[:, 1], ne[:, 0])) % 360.0,
         contact=np.full(len(rows), -1, np.int64),
-        site_deg=_geodetic(found.own_ne_m[rows]),
+        site_deg=_geodetic(returns.own_ne_m[rows]),
         signature=np.full(len(rows), -1, np.int64),
         origin=np.full(len(rows), -1, np.int64),
     )

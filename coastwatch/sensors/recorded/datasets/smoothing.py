@@ -76,8 +76,8 @@ def _predicted(mean: Floats, covariance: Floats, rows: Ints, time_s: Floats, jer
 
 
 def _updated(before: Moments, seen: Floats, noise: Floats) -> Moments:
-    spread = before.covariance[:, :4, :4] + noise
-    gain = np.linalg.solve(spread, before.covariance[:, :4, :]).swapaxes(1, 2)
+    innovation_covariance = before.covariance[:, :4, :4] + noise
+    gain = np.linalg.solve(innovation_covariance, before.covariance[:, :4, :]).swapaxes(1, 2)
     covariance = before.covariance - gain @ before.covariance[:, :4, :]
     mean = before.mean + np.einsum("sij,sj->si", gain, seen - before.mean[:, :4])
     return Moments(mean, 0.5 * (covariance + covariance.swapaxes(1, 2)))

@@ -75,10 +75,10 @@ class Solent(Method):
         dark = np.isin(ais.origin, silenced) & (ais.received_s > plan.start_s + self.silence_from_s)
         truths = truths_of("radars", sensors.radars.name, self.radar, self.radars)
         radar = observe(sensors.radars, truths, interpolated(truth), truth.vessel, plan.start_s, stop_s, seed)
-        made = recording(radar=radar, ais=ais.take(~dark), truth=truth, faults=faults, silenced=tuple(silenced.tolist()))
+        loaded = recording(radar=radar, ais=ais.take(~dark), truth=truth, faults=faults, silenced=tuple(silenced.tolist()))
         beside = *fixes.content.beside, (SILENCED, int(dark.sum()))
-        content = replace(fixes.content, records=len(made.whole().ais), beside=beside)
-        return replace(made, contents=(content,))
+        content = replace(fixes.content, records=len(loaded.whole().ais), beside=beside)
+        return replace(loaded, contents=(content,))
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last report."""
@@ -168,18 +168,18 @@ def _smoothed(fixes: AisReports, part: Ints) -> Floats:
     length = np.diff(np.append(start, len(part)))
     plane = turn(fixes.position_deg, PLANE_DEG)
     speed = np.nan_to_num(fixes.sog_kn) * KNOT_M_S
-    known = np.isfinite(fixes.cog_deg) & (speed > 0.0)
-    course = np.radians(np.where(known, fixes.cog_deg, 0.0))
+    has_course = np.isfinite(fixes.cog_deg) & (speed > 0.0)
+    course = np.radians(np.where(has_course, fixes.cog_deg, 0.0))
     ahead = np.einsum("mij,mj->mi", plane, np.stack([np.sin(course), np.cos(course)], axis=-1))
     beside = np.stack([ahead[:, 1], -ahead[:, 0]], axis=-1)
-    along_m = np.where(known, np.hypot(ALONG_M, JITTER_S * speed), UNKNOWN_COURSE_M)
-    across_m = np.where(known, ACROSS_M, UNKNOWN_COURSE_M)
+    along_m = np.where(has_course, np.hypot(ALONG_M, JITTER_S * speed), UNKNOWN_COURSE_M)
+    across_m = np.where(has_course, ACROSS_M, UNKNOWN_COURSE_M)
     turning = np.where(speed > COG_FROM_M_S, speed * COG_SIGMA_RAD, speed) + SOG_SIGMA_M_S
-    swift = np.where(known, SOG_SIGMA_M_S, speed + SOG_SIGMA_M_S)
+    swift = np.where(has_course, SOG_SIGMA_M_S, speed + SOG_SIGMA_M_S)
     noise = np.zeros((len(part), 4, 4))
     noise[:, :2, :2] = _ellipse(ahead, along_m) + _ellipse(beside, across_m)
     noise[:, 2:, 2:] = _ellipse(ahead, swift) + _ellipse(beside, turning)
-    seen = np.concatenate([to_plane(fixes.position_deg, PLANE_DEG), np.where(known, speed, 0.0)[:, None] * ahead], axis=1)
+    seen = np.concatenate([to_plane(fixes.position_deg, PLANE_DEG), np.where(has_course, speed, 0.0)[:, None] * ahead], axis=1)
     return smooth(start, length, fixes.time_s, seen, noise, JERK_M2_S5)
 
 
@@ -191,20 +191,20 @@ def _trajectories(fixes: _Fixes, paths: _Paths, plan: Plan, stop_s: float) -> Tr
     """The truth of all vessels that are present during the run, each second and at the instants of the plan."""
     instants = plan.start_s + plan.period_s * np.arange(plan.cycles + 1)
     time_s: Floats = np.unique(np.concatenate([instants, np.arange(plan.start_s, stop_s, GRID_S)]))
-    vessels, found = [], []
+    vessels, states = [], []
     for vessel in range(len(fixes.mmsi)):
         mine = slice(*np.searchsorted(paths.vessel, [vessel, vessel + 1]))
         if mine.stop - mine.start < 2:
             continue
-        made = between(paths.time_s[mine], paths.state[mine], paths.part[mine], time_s)
-        if made[2].any():
+        state_of_vessel = between(paths.time_s[mine], paths.state[mine], paths.part[mine], time_s)
+        if state_of_vessel[2].any():
             vessels.append(vessel)
-            found.append(made)
-    shape = (len(found), len(time_s))
-    present = np.array([f[2] for f in found], np.bool_).reshape(shape)
-    held = _nearest(present, time_s)
-    flat, rate = (np.array([f[k] for f in found]).reshape(*shape, 2) for k in (0, 1))
-    flat, velocity = (np.take_along_axis(a, held[..., None], axis=1) for a in (flat, rate))
+            states.append(state_of_vessel)
+    shape = (len(states), len(time_s))
+    present = np.array([f[2] for f in states], np.bool_).reshape(shape)
+    nearest = _nearest(present, time_s)
+    flat, rate = (np.array([f[k] for f in states]).reshape(*shape, 2) for k in (0, 1))
+    flat, velocity = (np.take_along_axis(a, nearest[..., None], axis=1) for a in (flat, rate))
     position = from_plane(flat, PLANE_DEG)
     back = np.swapaxes(turn(position, PLANE_DEG), -1, -2)
     return Trajectories(
@@ -213,10 +213,10 @@ def _trajectories(fixes: _Fixes, paths: _Paths, plan: Plan, stop_s: float) -> Tr
         position_deg=position,
         velocity_m_s=np.einsum("vtij,vtj->vti", back, velocity),
         present=present,
-        kick_s=np.zeros((len(found), 0)),
-        kick_m_s=np.full(len(found), np.nan),
-        turn_rate_rad_s=np.full(len(found), np.nan),
-        acceleration_m_s2=np.full((len(found), 2), np.nan),
+        kick_s=np.zeros((len(states), 0)),
+        kick_m_s=np.full(len(states), np.nan),
+        turn_rate_rad_s=np.full(len(states), np.nan),
+        acceleration_m_s2=np.full((len(states), 2), np.nan),
     )
 
 
@@ -237,9 +237,9 @@ def _moves_in_cover(truth: Trajectories, radars: Radars) -> Bools:
         away = to_plane(truth.position_deg, radars.site_deg[r])
         covered |= np.hypot(away[..., 0], away[..., 1]) <= radars.range_m[r]
     seconds = (covered & truth.present).sum(axis=1) * float(np.median(np.diff(truth.time_s)))
-    share = (covered & truth.present).sum(axis=1) / np.maximum(truth.present.sum(axis=1), 1)
+    covered_share = (covered & truth.present).sum(axis=1) / np.maximum(truth.present.sum(axis=1), 1)
     speed = np.where(truth.present, np.hypot(truth.velocity_m_s[..., 0], truth.velocity_m_s[..., 1]), np.nan)
     moving = np.array(
         [np.median(s[p]) > MOVING_M_S if p.any() else False for s, p in zip(speed, truth.present, strict=True)], np.bool_
     )
-    return np.asarray(moving & (share >= COVERED_SHARE) & (seconds >= COVERED_S))
+    return np.asarray(moving & (covered_share >= COVERED_SHARE) & (seconds >= COVERED_S))

@@ -100,14 +100,14 @@ class _FileStream:
         self._reports: list[AisReports] = []  # accepted, not yet asked for
         self._statics: list[AisStatics] = []
         self._at_end = False  # no sentence is left to decode
-        self._given = np.zeros(2, np.int64)  # reports and static data that no longer wait
+        self._handed_out = np.zeros(2, np.int64)  # reports and static data that no longer wait
         self._first_s, self._last_s = math.inf, -math.inf  # times of the fixes of the accepted reports
         self._corners = [[math.inf, math.inf], [-math.inf, -math.inf]]  # of their positions
 
     def content(self) -> FileContent:
         """What was taken so far."""
-        given, waiting_names = self._given.tolist(), sum(map(len, self._statics))
-        count, names = given[0] + sum(map(len, self._reports)), given[1] + waiting_names
+        past, waiting_names = self._handed_out.tolist(), sum(map(len, self._statics))
+        count, names = past[0] + sum(map(len, self._reports)), past[1] + waiting_names
         first_s, last_s = (self._first_s, self._last_s) if count else (math.nan, math.nan)
         (south, west), (north, east) = self._corners
         box = (south, west, north, east) if count else None
@@ -129,19 +129,19 @@ class _FileStream:
 
     def between(self, after_s: float, until_s: float) -> tuple[AisReports, AisStatics]:
         """As `NmeaStream.between`, of this file."""
-        reports, statics = self._taken(after_s, until_s)
+        reports, statics = self._due(after_s, until_s)
         while self.newest_s <= until_s and (block := self.block()) is not None:
             self._reports.append(block[0])
             self._statics.append(block[1])
-            more = self._taken(after_s, until_s)
-            reports, statics = [*reports, *more[0]], [*statics, *more[1]]
+            due = self._due(after_s, until_s)
+            reports, statics = [*reports, *due[0]], [*statics, *due[1]]
         return AisReports.join(reports), AisStatics.join(statics)
 
-    def _taken(self, after_s: float, until_s: float) -> tuple[list[AisReports], list[AisStatics]]:
+    def _due(self, after_s: float, until_s: float) -> tuple[list[AisReports], list[AisStatics]]:
         """The waiting reports of a time span. Those up to its end wait no longer."""
         reports, self._reports, older = _split(self._reports, after_s, until_s)
         statics, self._statics, older_statics = _split(self._statics, after_s, until_s)
-        self._given += [sum(map(len, reports)) + older, sum(map(len, statics)) + older_statics]
+        self._handed_out += [sum(map(len, reports)) + older, sum(map(len, statics)) + older_statics]
         return reports, statics
 
     def rest(self, after_s: float) -> int:
@@ -151,7 +151,7 @@ class _FileStream:
         self._reports, self._statics = [], []
         while waiting is not None:
             count += sum(int((part.received_s > after_s).sum()) for parts in waiting for part in parts)
-            self._given += [sum(map(len, parts)) for parts in waiting]
+            self._handed_out += [sum(map(len, parts)) for parts in waiting]
             block = self.block()
             waiting = None if block is None else ([block[0]], [block[1]])
         return count
@@ -187,9 +187,9 @@ class _FileStream:
         rows, statics, static_rows = decoded(messages, self._name, self._tally)
         self._ledger.read += int(np.isin(static_rows.row, rows.row).sum())  # a message with a position and a name
         self._ledger.beside[FURTHER] += int(messages.sentences.sum()) - len(messages.line)
-        for found in (rows, static_rows):
+        for rows_of_kind in (rows, static_rows):
             self._tally.add_rows(
-                TIME_MISSING, ~np.isfinite(found.stamp_s), partial(_where, self._name, found.row), lambda i: ""
+                TIME_MISSING, ~np.isfinite(rows_of_kind.stamp_s), partial(_where, self._name, rows_of_kind.row), lambda i: ""
             )
         if self._settings.drop_own_ship:
             own = messages.line[messages.own]
@@ -200,19 +200,19 @@ class _FileStream:
     def _with_times(self, messages: Messages) -> Floats:
         """The stamps, with each missing one that of the message before; at the start the first known one, or the assumed ones."""
         stamp_s, settings = messages.stamp_s, self._settings
-        known = np.flatnonzero(np.isfinite(stamp_s))
-        assumed = settings.assume_start_utc is not None and not len(known) and math.isnan(self._stamp_s)
+        stamped = np.flatnonzero(np.isfinite(stamp_s))
+        assumed = settings.assume_start_utc is not None and not len(stamped) and math.isnan(self._stamp_s)
         if assumed and settings.assume_start_utc is not None:
             steps = np.arange(self._assumed, self._assumed + len(stamp_s), dtype=np.float64)
             self._assumed += len(stamp_s)
             return np.asarray(settings.assume_start_utc.timestamp() + settings.assume_interval_s * steps)
-        first = stamp_s[known[0]] if math.isnan(self._stamp_s) and len(known) else self._stamp_s
+        first = stamp_s[stamped[0]] if math.isnan(self._stamp_s) and len(stamped) else self._stamp_s
         missing = np.isnan(stamp_s)
         if not math.isnan(first):
             where = partial(_where, self._name, messages.line)
             self._tally.add_rows(TIME_OF_NEIGHBOUR, missing, where, lambda i: "", used=True)
-        if len(known):
-            self._stamp_s = float(stamp_s[known[-1]])
+        if len(stamped):
+            self._stamp_s = float(stamp_s[stamped[-1]])
         before = np.maximum.accumulate(np.where(missing, -1, np.arange(len(stamp_s))))
         return np.where(before < 0, first, stamp_s[np.maximum(before, 0)]) if len(stamp_s) else stamp_s
 
@@ -235,13 +235,13 @@ def _where(name: str, line: Ints, row: int) -> str:
 
 def _split(parts: list[Timed], after_s: float, until_s: float) -> tuple[list[Timed], list[Timed], int]:
     """Of batches in order of arrival: the rows of a time span, the rows after it, and how many are before it."""
-    taken, later, older = [], [], 0
+    due, later, older = [], [], 0
     for part in parts:
         low, high = np.searchsorted(part.received_s, [after_s, until_s], side="right").tolist()
         older += low
-        taken += [part.take(np.arange(low, high))] if low < high else []
+        due += [part.take(np.arange(low, high))] if low < high else []
         later += [part.take(np.arange(high, len(part)))] if high < len(part) else []
-    return taken, later, older
+    return due, later, older
 
 
 class NmeaStream:

@@ -73,7 +73,7 @@ def target_times(path: Path, assumed_s: float, intake: AisIntake, tally: Tally) 
             with suppress(Exception):  # counted when the file is read
                 clock_s = assumed_s = time_of_day_s(getattr(NMEAReader.parse(received.sentence), "time", None), assumed_s)
         stamps.append(clock_s)
-    found = np.array([s for s in stamps if not math.isnan(s)], np.float64)
-    if len(found) < len(stamps):
-        tally.add(TIME_MISSING, path.name, count=len(stamps) - len(found))
-    return reception_times(found, intake.lateness_s, intake.longest_silence_s).received_s
+    stamps_known = np.array([s for s in stamps if not math.isnan(s)], np.float64)
+    if len(stamps_known) < len(stamps):
+        tally.add(TIME_MISSING, path.name, count=len(stamps) - len(stamps_known))
+    return reception_times(stamps_known, intake.lateness_s, intake.longest_silence_s).received_s

@@ -69,8 +69,8 @@ class AisTable(Method):
 
         Raises: FileNotFoundError, InputError that names the file.
         """
-        made = ais_recording(*self.read())
-        return replace(made, contents=self.contents(), feeds=tuple(path.name for path in self.files))
+        loaded = ais_recording(*self.read())
+        return replace(loaded, contents=self.contents(), feeds=tuple(path.name for path in self.files))
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.
@@ -129,9 +129,9 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     reports, static = stream.block(rows, statics, static_rows)
     course = np.radians(reports.cog_deg)
     velocity = (reports.sog_kn * KNOT_M_S)[:, None] * np.stack([np.sin(course), np.cos(course)], axis=-1)
-    said = doubts(reports.mmsi, reports.time_s, reports.position_deg, velocity, settings.speed_unit, "SOG")
+    speed_doubts = doubts(reports.mmsi, reports.time_s, reports.position_deg, velocity, settings.speed_unit, "SOG")
     names = len(static_rows), len(static)
-    tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg, said, names))
+    tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg, speed_doubts, names))
     return reports, static
 
 
@@ -146,11 +146,11 @@ def wrapped_cog(cog_deg: Floats) -> float:
     In twelve signed bits of a tenth of a degree the courses from 204.8 are negative, and "not available" is -49.6. So none lies
     between -49.6 and 0.
     """
-    known = cog_deg[np.isfinite(cog_deg)]
-    negative = known[known < 0.0]
-    if len(negative) < max(LEAST_WRAPPED_SHARE * len(known), 2):
+    courses = cog_deg[np.isfinite(cog_deg)]
+    negative = courses[courses < 0.0]
+    if len(negative) < max(LEAST_WRAPPED_SHARE * len(courses), 2):
         return 0.0
-    low, high, newest = float(known.min()), float(known.max()), float(negative.max())
+    low, high, newest = float(courses.min()), float(courses.max()), float(negative.max())
     if low >= -204.85 and high <= 204.75 and newest <= -49.55:
         return 409.6
     return 360.0 if low >= -180.05 and high <= 180.05 else 0.0
@@ -163,9 +163,9 @@ def _digest(values: dict[str, Floats]) -> Ints:
         return np.zeros(0, np.int64)
     order = np.lexsort(cells.T)
     new = np.concatenate([[True], (cells[order[1:]] != cells[order[:-1]]).any(axis=1)])
-    out = np.empty(len(cells), np.int64)
-    out[order] = np.cumsum(new)
-    return out
+    number = np.empty(len(cells), np.int64)
+    number[order] = np.cumsum(new)
+    return number
 
 
 def _statics(

@@ -65,10 +65,10 @@ def nav_statuses(table: Table, column: str | None, tally: Tally) -> Ints:
         return np.full(len(table), -1, np.int64)
     cells = _cells(table, column)
     texts, at = np.unique(cells.to_numpy().astype("U"), return_inverse=True)
-    known = np.array([_nav_status(text) for text in texts.tolist()], np.int64)[at.reshape(-1)]
-    unknown = (known < 0) & (cells != "").to_numpy()
+    status = np.array([_nav_status(text) for text in texts.tolist()], np.int64)[at.reshape(-1)]
+    unknown = (status < 0) & (cells != "").to_numpy()
     tally.add_rows(UNKNOWN_STATUS, unknown, lambda i: table.location(i, column), table.example, used=True)
-    return known
+    return status
 
 
 def _nav_status(text: str) -> int:
@@ -81,16 +81,16 @@ def _nav_status(text: str) -> int:
 
 def accuracies(table: Table, accuracy: str | None, raim: str | None) -> Ints:
     """The PositionAccuracy of each row, -1 where nothing is stated."""
-    out = np.full(len(table), -1, np.int64)
+    accuracy_of_row = np.full(len(table), -1, np.int64)
     if accuracy is None:
-        return out
+        return accuracy_of_row
     yes, no = r"^(1|1\.0|true|yes|high)$", r"^(0|0\.0|false|no|low)$"
     cells = _cells(table, accuracy)
     monitored = np.zeros(len(table), np.bool_) if raim is None else _cells(table, raim).str.contains(yes).to_numpy()
     low = cells.str.contains(no).to_numpy()
-    out[low] = np.where(monitored[low], PositionAccuracy.LOW, PositionAccuracy.UNAIDED)
-    out[cells.str.contains(yes).to_numpy()] = PositionAccuracy.HIGH
-    return out
+    accuracy_of_row[low] = np.where(monitored[low], PositionAccuracy.LOW, PositionAccuracy.UNAIDED)
+    accuracy_of_row[cells.str.contains(yes).to_numpy()] = PositionAccuracy.HIGH
+    return accuracy_of_row
 
 
 def covariances(values: dict[str, Floats], table: Table, tally: Tally) -> Floats:
@@ -98,9 +98,9 @@ def covariances(values: dict[str, Floats], table: Table, tally: Tally) -> Floats
     ee, en, nn = (values[name] for name in POSITION_ENTRIES)
     square = np.sign(values["position_sigma_m"]) * values["position_sigma_m"] ** 2
     ee, nn, en = np.where(np.isnan(ee), square, ee), np.where(np.isnan(nn), square, nn), np.where(np.isnan(en), 0.0, en)
-    given = np.isfinite(ee) | np.isfinite(nn)
+    is_stated = np.isfinite(ee) | np.isfinite(nn)
     good = (ee > 0.0) & (nn > 0.0) & (en**2 < ee * nn)
-    tally.add_rows(NO_COVARIANCE, given & ~good, table.location, table.example, used=True)
-    out = np.stack([ee, en, en, nn], axis=-1).reshape(-1, 2, 2)
-    out[~good] = np.nan
-    return out
+    tally.add_rows(NO_COVARIANCE, is_stated & ~good, table.location, table.example, used=True)
+    covariance = np.stack([ee, en, en, nn], axis=-1).reshape(-1, 2, 2)
+    covariance[~good] = np.nan
+    return covariance

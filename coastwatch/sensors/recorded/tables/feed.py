@@ -149,12 +149,12 @@ class Tables(Method):
             ais, statics, of_tables = self._ais_table().read()
             faults = of_tables + faults
         contents = (self._ais_table().contents() if self.ais else ()) + tally.contents()
-        made = replace(recording(radar, ais, statics, bearing, tracks, faults=faults), contents=contents)
+        loaded = replace(recording(radar, ais, statics, bearing, tracks, faults=faults), contents=contents)
         numbered = [file.path for file in self._wire_files() if FORMATS[file.format].numbered]
-        made = replace(made, feeds=tuple(path.name for path in (*self.ais, *self.nmea, *numbered)))
+        loaded = replace(loaded, feeds=tuple(path.name for path in (*self.ais, *self.nmea, *numbered)))
         streams: list[ReportStream] = [self._nmea().stream(len(self.ais))] if self.nmea else []
         streams += [self._wire_stream(sensors)] if self.feeds else []
-        return replace(made, reports=MergedStream(made.whole(), streams)) if streams else made
+        return replace(loaded, reports=MergedStream(loaded.whole(), streams)) if streams else loaded
 
     def span(self, sensors: Sensors = NO_SENSORS) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception. Args: sensors: which `feeds` name.
@@ -198,18 +198,18 @@ class Tables(Method):
 
     def first_sites(self) -> dict[str, tuple[float, float]]:
         """Latitude and longitude of the antenna in the first plot of each radar, by its name; "" where the table names none."""
-        out: dict[str, tuple[float, float]] = {}
+        site_of_radar: dict[str, tuple[float, float]] = {}
         for path, _, _ in fingerprint(self.plots):
             table = read_table(path, self.separator, Tally())
             latitude, longitude, name = (
                 table.find(getattr(self.plot_columns, key), PLOTS[key]) for key in ("site_latitude", "site_longitude", "radar")
             )
             site = np.stack([table.numbers(latitude)[0], table.numbers(longitude)[0]], axis=-1)
-            known = np.flatnonzero(np.isfinite(site).all(axis=1))
-            names, first = np.unique(np.array(table.texts(name), "U")[known], return_index=True)
-            for radar, row in zip(names.tolist(), known[first], strict=True):
-                out.setdefault(radar, (float(site[row, 0]), float(site[row, 1])))
-        return out
+            stated = np.flatnonzero(np.isfinite(site).all(axis=1))
+            names, first = np.unique(np.array(table.texts(name), "U")[stated], return_index=True)
+            for radar, row in zip(names.tolist(), stated[first], strict=True):
+                site_of_radar.setdefault(radar, (float(site[row, 0]), float(site[row, 1])))
+        return site_of_radar
 
     def _tracks(self, sources: TrackSources, tally: Tally) -> TrackReports:
         """The states in all files of tracks, in order of arrival. The k-th file without a column of sources is of the k-th source."""

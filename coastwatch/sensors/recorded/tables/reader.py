@@ -75,15 +75,15 @@ class Table:
         keep = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
         return Table(self.name, self.frame[keep], self.row[keep], self.separator, self.read)
 
-    def find(self, wanted: str | None, known: tuple[str, ...]) -> str | None:
-        """The name of a column: `wanted`, or the first that has one of the known names; None if there is none.
+    def find(self, wanted: str | None, aliases: tuple[str, ...]) -> str | None:
+        """The name of a column: `wanted`, or the first that has one of the aliases; None if there is none.
 
         Raises: InputError if `wanted` is not a column, or the column is there twice.
         """
         if wanted is not None and wanted not in self.frame.columns:
             raise self.lacks(repr(wanted))
         plain = {plain_name(c): c for c in reversed(self.frame.columns)}
-        name = next((plain[k] for k in known if k in plain), None) if wanted is None else wanted
+        name = next((plain[k] for k in aliases if k in plain), None) if wanted is None else wanted
         if f"{name}{REPEATED}0" in self.frame.columns:
             raise InputError(f"{self.name}: got two columns {name!r}, needed one: rename or delete the other")
         return name
@@ -104,10 +104,10 @@ class Table:
             return np.full(len(self), np.nan), np.zeros(len(self), np.bool_)
         cells = self.frame[column]
         if cells.dtype == pl.String:
-            made = self._with_points(cells.str.strip_chars()).cast(pl.Float64, strict=False)
+            numbers = self._with_points(cells.str.strip_chars()).cast(pl.Float64, strict=False)
         else:
-            made = cells.cast(pl.Float64, strict=False)
-        return made.fill_null(float("nan")).to_numpy(), (made.is_null() & ~self.empty(column)).to_numpy()
+            numbers = cells.cast(pl.Float64, strict=False)
+        return numbers.fill_null(float("nan")).to_numpy(), (numbers.is_null() & ~self.empty(column)).to_numpy()
 
     def times(self, column: str | None, pattern: str) -> tuple[Floats, Bools]:
         """The times of a column in seconds since the epoch, and which cells are no time.
@@ -119,17 +119,17 @@ class Table:
             return np.full(len(self), np.nan), np.zeros(len(self), np.bool_)
         cells = self.frame[column]
         if cells.dtype in (pl.Datetime, pl.Date):
-            made = _epoch_s(cells.cast(pl.Datetime("us", getattr(cells.dtype, "time_zone", None))))
+            seconds = _epoch_s(cells.cast(pl.Datetime("us", getattr(cells.dtype, "time_zone", None))))
         elif cells.dtype == pl.String:
-            made = self._written(column, pattern)
+            seconds = self._written(column, pattern)
         else:
-            made = _seconds(cells.cast(pl.Float64, strict=False))
-        bad = (made.is_null() & ~self.empty(column)).to_numpy()
-        if bad.any() and not made.is_not_null().any():
+            seconds = _seconds(cells.cast(pl.Float64, strict=False))
+        bad = (seconds.is_null() & ~self.empty(column)).to_numpy()
+        if bad.any() and not seconds.is_not_null().any():
             first = int(bad.argmax())
             needed = f"{KNOWN_TIMES}: {PATTERN}" if pattern == "auto" else f"times as input.time_format says, {pattern!r}"
             raise InputError(f"{self.location(first, column)}: got {cells[first]!r}, which is no time: needed {needed}")
-        return made.fill_null(float("nan")).to_numpy(), bad
+        return seconds.fill_null(float("nan")).to_numpy(), bad
 
     def without_zone(self, column: str | None) -> bool:
         """Whether the times of a column are written without a zone, as its first cell is."""
@@ -153,19 +153,19 @@ class Table:
         if pattern != "auto":
             zone = "UTC" if "%z" in pattern or "%:z" in pattern or "%#z" in pattern else None
             return _epoch_s(cells.str.to_datetime(pattern, strict=False, time_unit="us", time_zone=zone))
-        made = _seconds(self._with_points(cells).cast(pl.Float64, strict=False))
-        if not made.null_count():
-            return made
+        seconds = _seconds(self._with_points(cells).cast(pl.Float64, strict=False))
+        if not seconds.null_count():
+            return seconds
         plain = (
             cells.str.replace(r"(\d)T(\d)", "${1} ${2}")
             .str.replace(r" ?(Z|UTC|GMT)$", "")
             .str.replace(r":(\d\d),(\d+)", ":${1}.${2}")
         )
         for form in (*WRITTEN_TIMES, *self._slashed(column, plain)):
-            made = made.fill_null(_epoch_s(plain.str.to_datetime(form, strict=False, time_unit="us")))
-            if not made.null_count():
-                return made
-        return made.fill_null(_epoch_s(plain.str.to_datetime(ZONED_TIME, strict=False, time_unit="us", time_zone="UTC")))
+            seconds = seconds.fill_null(_epoch_s(plain.str.to_datetime(form, strict=False, time_unit="us")))
+            if not seconds.null_count():
+                return seconds
+        return seconds.fill_null(_epoch_s(plain.str.to_datetime(ZONED_TIME, strict=False, time_unit="us", time_zone="UTC")))
 
     def _slashed(self, column: str, cells: pl.Series) -> list[str]:
         """How dates such as 31/12/2026 are written: day first or month first, as the whole column shows.
@@ -261,14 +261,14 @@ def _separator_of(header: str) -> str:
 def _unpacked(path: Path, tally: Tally) -> bytes:
     """The content of a file, decompressed if needed; of a truncated compressed file the part that is there."""
     content = path.read_bytes()
-    out = b""
+    unpacked = b""
     while content[:2] == GZIP_MAGIC:
         inflate = zlib.decompressobj(wbits=31)
-        out += inflate.decompress(content)
+        unpacked += inflate.decompress(content)
         if not inflate.eof:
             tally.add(CUT_FILE, path.name, used=True)
         content = inflate.unused_data
-    return as_utf8(out or content)
+    return as_utf8(unpacked or content)
 
 
 def plain_name(name: str) -> str:

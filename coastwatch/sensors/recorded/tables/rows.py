@@ -118,7 +118,7 @@ def find_columns(table: Table, part: str, named: Settings) -> dict[str, str | No
     Args: part: a key of COLUMNS, what the table was given as; named: the settings of its columns.
     Raises: InputError: a named column is not there, or the columns are those of another kind of table.
     """
-    column = {key: table.find(getattr(named, key, None), known) for key, known in COLUMNS[part].items()}
+    column = {key: table.find(getattr(named, key, None), aliases) for key, aliases in COLUMNS[part].items()}
     if not named.model_fields_set - {"time", "received"}:
         parts = _parts(table)
         if parts and part not in parts:
@@ -144,23 +144,23 @@ def need_columns(table: Table, part: str, column: dict[str, str | None], keys: S
 
 def _parts(table: Table) -> dict[str, tuple[str, ...]]:
     """What a table may be, keys of COLUMNS, each with the columns that say so. Nothing where the names do not say."""
-    out: dict[str, tuple[str, ...]] = {}
+    parts: dict[str, tuple[str, ...]] = {}
     mmsi, latitude = table.find(None, AIS["mmsi"]), table.find(None, TRACKS["latitude"])
     if mmsi is not None:
-        out["ais"] = (mmsi,)
+        parts["ais"] = (mmsi,)
     reach, angle = table.find(None, (*PLOTS["range_m"], *PLOTS["range_nm"])), table.find(None, PLOTS["azimuth"])
     if reach is not None and angle is not None:
-        out["plots"] = reach, angle
+        parts["plots"] = reach, angle
     radar = table.find(None, RADAR_ALONE)
     if reach is None and angle is not None and latitude is None and radar is None:
-        out["bearings"] = (angle,)
+        parts["bearings"] = (angle,)
     track = table.find(None, TRACKS["track"])
     for keys in VELOCITY:
         first, second = (table.find(None, TRACKS[key]) for key in keys)
         if latitude is not None and track is not None and first is not None and second is not None:
-            out["tracks"] = track, first, second
+            parts["tracks"] = track, first, second
             break
-    return out
+    return parts
 
 
 def good_cells(
@@ -175,17 +175,17 @@ def good_cells(
     for key, name in column.items():
         if key in TEXTS:
             continue
-        made, bad = table.times(name, time_format) if key in ("time", "received") else table.numbers(name)
+        numbers, bad = table.times(name, time_format) if key in ("time", "received") else table.numbers(name)
         if key in MAY_BE_UNREADABLE:
             bad = np.zeros(len(table), np.bool_)  # an unreadable length does not invalidate the position
         empty = table.empty(name).to_numpy() if name is not None and key in required else np.zeros(len(table), np.bool_)
-        infinite = np.isinf(made) | (np.isnan(made) & ~empty & ~bad if key in required else False)
+        infinite = np.isinf(numbers) | (np.isnan(numbers) & ~empty & ~bad if key in required else False)
         infinite = infinite & (key not in MAY_BE_UNREADABLE)
         for kind, mask in ((EMPTY_CELL, empty), (BAD_CELL, bad), (NON_FINITE, infinite)):
             tally.add_rows(kind, good & mask, partial(table.location, column=str(name)), table.example)
             good &= ~mask
-        values[key] = made
-    return table.at(good), {key: made[good] for key, made in values.items()}
+        values[key] = numbers
+    return table.at(good), {key: numbers[good] for key, numbers in values.items()}
 
 
 def content_of(
@@ -241,16 +241,19 @@ def sensor_numbers(table: Table, column: str | None, names: Array, kind: str, ta
         tally.add_rows(EMPTY_CELL, np.ones(len(table), np.bool_), table.location, table.example)
         return np.full(len(table), -1, np.int64)
     names_found, number = np.unique(np.array(table.texts(column), "U"), return_inverse=True)
-    known = {str(n): i for i, n in enumerate(names)}
-    of_name = np.array([known.get(str(n), -1) for n in names_found], np.int64)
+    number_of_name = {str(n): i for i, n in enumerate(names)}
+    of_name = np.array([number_of_name.get(str(n), -1) for n in names_found], np.int64)
     if len(table) and (of_name < 0).all():
         got = ", ".join(repr(str(n)) for n in names_found[:SHOWN_NAMES]) + (", ..." if len(names_found) > SHOWN_NAMES else "")
         raise InputError(
-            f"{table.location(0, column)}: got {kind} in every row, {got}, needed one of {', '.join(known)}"
-            f"{did_you_mean(str(names_found[0]), list(known))}"
+            f"{table.location(0, column)}: got {kind} in every row, {got}, needed one of {', '.join(number_of_name)}"
+            f"{did_you_mean(str(names_found[0]), list(number_of_name))}"
         )
-    out = of_name[number]
+    sensor = of_name[number]
     tally.add_rows(
-        kind, out < 0, lambda i: table.location(i, column), lambda i: f"{names_found[number[i]]!s}, known: {sorted(known)}"
+        kind,
+        sensor < 0,
+        lambda i: table.location(i, column),
+        lambda i: f"{names_found[number[i]]!s}, known: {sorted(number_of_name)}",
     )
-    return out
+    return sensor

@@ -18,14 +18,14 @@ TOLERANCE = 0.03  # of the median ratio, to be that of a unit
 SPREAD = 0.1  # of the median: half of the tracks lie within it
 
 
-def doubts(track: Ints, time_s: Floats, position_deg: Floats, velocity_m_s: Floats, unit: str, told: str) -> tuple[str, ...]:
+def doubts(track: Ints, time_s: Floats, position_deg: Floats, velocity_m_s: Floats, unit: str, source: str) -> tuple[str, ...]:
     """What looks wrong about the speeds or positions of a table, in sentences; nothing where tracks are few or disagree.
 
     Each track has one ratio: the least-squares factor from its stated displacements to those of its positions. Errors of
     positions do not shift it.
 
     Args: track: (M,) its number; velocity_m_s: (M, 2) east, north, as stated, NaN: not stated; unit: of SPEED_KN, in which the
-    stated speeds were taken; told: what says them: "SOG", whose unit is a setting, or "the velocity", whose unit is not.
+    stated speeds were taken; source: what says them: "SOG", whose unit is a setting, or "the velocity", whose unit is not.
     """
     order = np.lexsort((time_s[:ROWS], track[:ROWS]))
     track, time_s, position_deg, velocity_m_s = track[order], time_s[order], position_deg[order], velocity_m_s[order]
@@ -39,9 +39,9 @@ def doubts(track: Ints, time_s: Floats, position_deg: Floats, velocity_m_s: Floa
     if np.isfinite(median):
         for other, size in SPEED_KN.items():
             if other != unit and abs(median * SPEED_KN[unit] / size - 1.0) <= TOLERANCE:
-                mend = f"--set input.speed_unit={other}" if told == "SOG" else "needed m/s"
+                mend = f"--set input.speed_unit={other}" if source == "SOG" else "needed m/s"
                 return (
-                    f"the positions move {median:.2f} times as fast as {told} says (median of {tracks} tracks): is it in {other}? "
+                    f"the positions move {median:.2f} times as fast as {source} says (median of {tracks} tracks): is it in {other}? "
                     f"{mend}",
                 )
         return ()
@@ -49,7 +49,7 @@ def doubts(track: Ints, time_s: Floats, position_deg: Floats, velocity_m_s: Floa
         median, tracks = _ratio(number, stated_m, difference_m(after[:, ::-1], before[:, ::-1]))
         if abs(median - 1.0) <= TOLERANCE:
             return (
-                f"the positions of {tracks} tracks move as {told} and course say only with latitude and longitude exchanged: are they "
+                f"the positions of {tracks} tracks move as {source} and course say only with latitude and longitude exchanged: are they "
                 "swapped? --columns latitude=THEIR-LONGITUDE,longitude=THEIR-LATITUDE",
             )
     return ()

@@ -85,9 +85,9 @@ def track_reports(
     position = np.stack([values["latitude"], values["longitude"]], axis=-1)[rows]
     velocity = _velocity(values, SPEED_KN[speed_unit])[rows]
     _, track = np.unique(np.stack([sensor, number], axis=-1)[rows], axis=0, return_inverse=True)
-    told = "SOG" if column["east_m_s"] is None or column["north_m_s"] is None else "the velocity"
-    said = doubts(track, values["time"][rows], position, velocity, speed_unit if told == "SOG" else "m/s", told)
-    tally.add_file(content_of(table, "track states", column, values["time"][rows], position, said))
+    source = "SOG" if column["east_m_s"] is None or column["north_m_s"] is None else "the velocity"
+    speed_doubts = doubts(track, values["time"][rows], position, velocity, speed_unit if source == "SOG" else "m/s", source)
+    tally.add_file(content_of(table, "track states", column, values["time"][rows], position, speed_doubts))
     return TrackReports(
         sensor=sensor[rows],
         number=number[rows],
@@ -113,35 +113,35 @@ def _numbers(table: Table, column: str) -> tuple[Ints, np.ndarray[tuple[int], np
 
 def _velocity(values: dict[str, Floats], speed_kn: float) -> Floats:
     """East and north, NaN where a row has neither form. (M, 2)"""
-    given = np.stack([values["east_m_s"], values["north_m_s"]], axis=-1)
+    stated = np.stack([values["east_m_s"], values["north_m_s"]], axis=-1)
     course, speed = np.radians(values["cog"]), values["sog"] * speed_kn * KNOT_M_S
     along = np.stack([speed * np.sin(course), speed * np.cos(course)], axis=-1)
-    return np.where(np.isfinite(given).all(axis=1, keepdims=True), given, along)
+    return np.where(np.isfinite(stated).all(axis=1, keepdims=True), stated, along)
 
 
 def _covariance(values: dict[str, Floats]) -> Floats:
     """The covariance of each row: its entries, or those of its standard deviations; NaN where it has none. (M, 4, 4)"""
     n = len(values["time"])
-    out = np.full((n, 4, 4), np.nan)
+    covariance = np.full((n, 4, 4), np.nan)
     for i, a in enumerate(AXES):
         for j, b in enumerate(AXES[i:], i):
-            out[:, i, j] = out[:, j, i] = values[f"covariance_{a}_{b}"]
+            covariance[:, i, j] = covariance[:, j, i] = values[f"covariance_{a}_{b}"]
     for at, key in ((0, "position_sigma_m"), (2, "velocity_sigma_m_s")):
-        block = out[:, at : at + 2, at : at + 2]
+        block = covariance[:, at : at + 2, at : at + 2]
         missing = ~np.isfinite(block).all(axis=(1, 2)) & np.isfinite(values[key])
         block[missing] = (values[key][missing] ** 2)[:, None, None] * np.eye(2)
-    known = np.isfinite(out[:, :2, :2]).all(axis=(1, 2)) & np.isfinite(out[:, 2:, 2:]).all(axis=(1, 2))
-    cross = out[:, :2, 2:]
-    absent = known & ~np.isfinite(cross).all(axis=(1, 2))
+    is_stated = np.isfinite(covariance[:, :2, :2]).all(axis=(1, 2)) & np.isfinite(covariance[:, 2:, 2:]).all(axis=(1, 2))
+    cross = covariance[:, :2, 2:]
+    absent = is_stated & ~np.isfinite(cross).all(axis=(1, 2))
     cross[absent] = 0.0
-    out[:, 2:, :2] = cross.swapaxes(1, 2)
-    return out
+    covariance[:, 2:, :2] = cross.swapaxes(1, 2)
+    return covariance
 
 
 def _is_wrong(covariance: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Which covariances are given and not positive definite. (M,)"""
-    out = np.zeros(len(covariance), np.bool_)
+    is_wrong = np.zeros(len(covariance), np.bool_)
     for part in (covariance, covariance[:, :2, :2]):
-        known = np.flatnonzero(np.isfinite(part).all(axis=(1, 2)))
-        out[known] |= np.linalg.eigvalsh(part[known])[:, 0] <= 0.0
-    return out
+        stated = np.flatnonzero(np.isfinite(part).all(axis=(1, 2)))
+        is_wrong[stated] |= np.linalg.eigvalsh(part[stated])[:, 0] <= 0.0
+    return is_wrong
