@@ -39,7 +39,7 @@ def bound(truth: Trajectories, radar: RadarReports, ais: AisReports, noise: Nois
     Args: truth: (V); radar, ais: all reports of the run; those of other vessels and of clutter are ignored; noise: true
     errors of the sensors; time_s: (T,) instants. A report counts from the time of its measurement, even if it arrived late.
     """
-    known = np.isfinite(truth.kick_m_s)
+    has_model = np.isfinite(truth.kick_m_s)
     anchor = truth.position_deg[:, 0]
     vessels, instant = np.indices((len(truth.vessel), len(time_s))).reshape(2, -1)
     parts = [
@@ -49,7 +49,7 @@ def bound(truth: Trajectories, radar: RadarReports, ais: AisReports, noise: Nois
         *_from_ais(truth, ais, noise, anchor),
     ]
     events = Events.join(parts)
-    position, velocity, covariance = filtered(truth, events.take(known[events.row]), len(time_s))
+    position, velocity, covariance = filtered(truth, events.take(has_model[events.row]), len(time_s))
     place = from_plane(position, anchor[:, None])
     velocity = np.einsum("vtji,vtj->vti", turn(place, anchor[:, None]), velocity)
     return Bound(place, velocity, covariance)
@@ -58,9 +58,9 @@ def bound(truth: Trajectories, radar: RadarReports, ais: AisReports, noise: Nois
 def _kicks(truth: Trajectories) -> Events:
     """The perturbations of the velocities."""
     row, number = np.nonzero(np.isfinite(truth.kick_s))
-    made = _without_measurement(row, truth.kick_s[row, number], KICK, number)
-    made.covariance[:] = (truth.kick_m_s[row] ** 2)[:, None, None] * np.eye(2)
-    return made
+    kicks = _without_measurement(row, truth.kick_s[row, number], KICK, number)
+    kicks.covariance[:] = (truth.kick_m_s[row] ** 2)[:, None, None] * np.eye(2)
+    return kicks
 
 
 def _without_measurement(row: Ints, time_s: Floats, kind: int, instant: Ints) -> Events:

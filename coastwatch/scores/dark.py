@@ -61,9 +61,9 @@ def watch(
     """
     settled = [_silent(may_be_silent, truth, now_s - ago, ais) for ago in np.linspace(0.0, SETTLED_S, LOOKS)]
     due = np.full(len(truth.vessel), now_s - SETTLED_S >= truth.time_s[0])
-    for then, row in settled:
-        in_cover = within_any(then.position_deg, sensors.radars.site_deg, sensors.radars.range_m)
-        in_cover &= within_any(then.position_deg, sensors.stations.site_deg, sensors.stations.range_m)
+    for silent, row in settled:
+        in_cover = within_any(silent.position_deg, sensors.radars.site_deg, sensors.radars.range_m)
+        in_cover &= within_any(silent.position_deg, sensors.stations.site_deg, sensors.stations.range_m)
         there = np.zeros(len(due), np.bool_)
         there[row[in_cover]] = True
         due &= there

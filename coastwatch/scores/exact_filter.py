@@ -39,7 +39,7 @@ def filtered(truth: Trajectories, events: Events, instants: int) -> tuple[Floats
     tie = np.ones((d // 2 - 1, d // 2 - 1))
     covariance[:, :2, :2] = POSITION_PRIOR_M**2 * np.eye(2)
     covariance[:, 2:, 2:] = VELOCITY_PRIOR_M_S**2 * np.kron(tie, np.eye(2))
-    out = np.full((v, instants, d), np.nan), np.full((v, instants, d, d), np.nan)
+    filtered_at = np.full((v, instants, d), np.nan), np.full((v, instants, d, d), np.nan)
     events = events.take(np.lexsort((events.kind, events.time_s, events.row)))
     last_s = np.full(v, np.min(events.time_s, initial=np.inf))
     for rows in _rounds(events.row):
@@ -54,9 +54,9 @@ def filtered(truth: Trajectories, events: Events, instants: int) -> tuple[Floats
         if len(at):
             x[at], p[at] = _kicked(x[at], p[at], keep[now.row[at]], now.covariance[at])
         at = np.flatnonzero(now.kind == INSTANT)
-        out[0][now.row[at], now.instant[at]], out[1][now.row[at], now.instant[at]] = x[at], p[at]
+        filtered_at[0][now.row[at], now.instant[at]], filtered_at[1][now.row[at], now.instant[at]] = x[at], p[at]
         state[now.row], covariance[now.row] = x, p
-    return out[0][..., :2], out[0][..., 2:4], out[1][..., :4, :4]
+    return filtered_at[0][..., :2], filtered_at[0][..., 2:4], filtered_at[1][..., :4, :4]
 
 
 def _rounds(row: Ints) -> list[Ints]:

@@ -29,8 +29,8 @@ def gospa(estimate_m: Floats, true_m: Floats, cutoff_m: float, order: float) -> 
     Source: A. S. Rahmathullah, A. F. Garcia-Fernandez, L. Svensson, Generalized Optimal Sub-Pattern Assignment Metric, 2017,
     proposition 1.
     """
-    first, second, apart = _near(estimate_m, true_m, cutoff_m)
-    costs = _assigned(first, second, apart**order, len(estimate_m), len(true_m), cutoff_m**order)
+    first, second, distance_m = _near(estimate_m, true_m, cutoff_m)
+    costs = _assigned(first, second, distance_m**order, len(estimate_m), len(true_m), cutoff_m**order)
     missed, false = len(true_m) - len(costs), len(estimate_m) - len(costs)
     localisation = float(costs.sum())
     total = localisation + 0.5 * cutoff_m**order * (missed + false)
@@ -44,9 +44,9 @@ def _near(estimate_m: Floats, true_m: Floats, cutoff_m: float) -> tuple[Ints, In
     none = np.zeros(0, np.int64)
     if not len(estimate_m) or not len(true_m):
         return none, none, np.zeros(0)
-    found = KDTree(estimate_m).sparse_distance_matrix(KDTree(true_m), cutoff_m, output_type="ndarray")
-    near = found["v"] < cutoff_m
-    return found["i"][near].astype(np.int64), found["j"][near].astype(np.int64), found["v"][near]
+    distances = KDTree(estimate_m).sparse_distance_matrix(KDTree(true_m), cutoff_m, output_type="ndarray")
+    near = distances["v"] < cutoff_m
+    return distances["i"][near].astype(np.int64), distances["j"][near].astype(np.int64), distances["v"][near]
 
 
 def _assigned(first: Ints, second: Ints, cost: Floats, n: int, v: int, most: float) -> Floats:
@@ -62,7 +62,7 @@ def _assigned(first: Ints, second: Ints, cost: Floats, n: int, v: int, most: flo
     first, second, cost, group = first[order], second[order], cost[order], group[order]
     size = np.bincount(group, minlength=1)
     alone = size[group] == 1 if len(group) else np.zeros(0, np.bool_)
-    out = [cost[alone]]
+    costs = [cost[alone]]
     for label_of_many in np.unique(group[~alone]):
         lo, hi = np.searchsorted(group, [label_of_many, label_of_many + 1])
         rows, row = np.unique(first[lo:hi], return_inverse=True)
@@ -70,5 +70,5 @@ def _assigned(first: Ints, second: Ints, cost: Floats, n: int, v: int, most: flo
         saved = np.zeros((len(rows), len(columns)))
         saved[row, at] = most - cost[lo:hi]
         chosen = saved[linear_sum_assignment(saved, maximize=True)]
-        out.append(most - chosen[chosen > 0.0])
-    return np.concatenate(out)
+        costs.append(most - chosen[chosen > 0.0])
+    return np.concatenate(costs)

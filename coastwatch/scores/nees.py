@@ -13,11 +13,11 @@ def nees(error: Floats, covariance: Floats) -> Floats:
     Args: error: (N, d); covariance: (N, d, d), positive definite. Returns: (N,), NaN where either is NaN.
     Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, eq. 5.4.2-1.
     """
-    known = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
-    out = np.full(len(error), np.nan)
-    solved = np.linalg.solve(covariance[known], error[known][..., None])[..., 0]
-    out[known] = (error[known] * solved).sum(axis=1)
-    return out
+    has_covariance = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
+    nees_of_row = np.full(len(error), np.nan)
+    solved = np.linalg.solve(covariance[has_covariance], error[has_covariance][..., None])[..., 0]
+    nees_of_row[has_covariance] = (error[has_covariance] * solved).sum(axis=1)
+    return nees_of_row
 
 
 def band(count: int, dimension: int, level: float) -> tuple[float, float]:

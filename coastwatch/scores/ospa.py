@@ -26,12 +26,12 @@ def ospa(assigned: Gospa, cutoff_m: float, order: float) -> Ospa:
     Args: assigned: the GOSPA of the sets with this cutoff_m, c, and order, p >= 1.
     Source: D. Schuhmacher, B.-T. Vo, B.-N. Vo, A Consistent Metric for Performance Evaluation of Multi-Object Filters, 2008, eq. 3.
     """
-    fewer, more = sorted((assigned.missed_count, assigned.false_count))  # unassigned points of the smaller and the larger set
-    most = assigned.assigned_count + more
+    smaller, larger = sorted((assigned.missed_count, assigned.false_count))  # unassigned points of the smaller and larger set
+    most = assigned.assigned_count + larger
     if most == 0:
         return Ospa(0.0, 0.0, 0.0)
-    near = (assigned.localisation + fewer * cutoff_m**order) / most
-    missing = (more - fewer) * cutoff_m**order / most
+    near = (assigned.localisation + smaller * cutoff_m**order) / most
+    missing = (larger - smaller) * cutoff_m**order / most
     return Ospa((near + missing) ** (1.0 / order), near ** (1.0 / order), missing ** (1.0 / order))
 
 
@@ -50,10 +50,10 @@ def ospa2(estimate_m: Floats, true_m: Floats, cutoff_m: float, order: float) -> 
     n, v = len(estimate_m), len(true_m)
     if max(n, v) == 0:
         return 0.0
-    either, both = one[:, None] | other, one[:, None] & other
-    apart = np.full(both.shape, cutoff_m)
-    apart[both] = np.minimum(np.hypot(*(estimate_m[:, None] - true_m)[both].T), cutoff_m)
-    base = np.where(either, apart, 0.0).sum(axis=2) / either.sum(axis=2)
+    either, in_both = one[:, None] | other, one[:, None] & other
+    distance_m = np.full(in_both.shape, cutoff_m)
+    distance_m[in_both] = np.minimum(np.hypot(*(estimate_m[:, None] - true_m)[in_both].T), cutoff_m)
+    base = np.where(either, distance_m, 0.0).sum(axis=2) / either.sum(axis=2)
     row, column = linear_sum_assignment(base**order)
     total = (base[row, column] ** order).sum() + abs(n - v) * cutoff_m**order
     return float((total / max(n, v)) ** (1.0 / order))

@@ -67,16 +67,16 @@ class Identities:
 def _distinct(values: Ints) -> Ints:
     """The values sorted, each once; half of the time of np.unique, which builds a hash table."""
     ordered = np.sort(values)
-    out: Ints = ordered[np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]]
-    return out
+    distinct: Ints = ordered[np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]]
+    return distinct
 
 
-def _summed(keys: Ints, counts: Ints, more: Ints) -> tuple[Ints, Ints]:
-    """Sorted keys with their counts, with one added for each occurrence in `more`."""
-    out, at = np.unique(np.concatenate([keys, more]), return_inverse=True)
-    total = np.zeros(len(out), np.int64)
-    np.add.at(total, at, np.concatenate([counts, np.ones(len(more), np.int64)]))
-    return out, total
+def _summed(keys: Ints, counts: Ints, added: Ints) -> tuple[Ints, Ints]:
+    """Sorted keys with their counts, with one added for each occurrence in `added`."""
+    every_key, at = np.unique(np.concatenate([keys, added]), return_inverse=True)
+    total = np.zeros(len(every_key), np.int64)
+    np.add.at(total, at, np.concatenate([counts, np.ones(len(added), np.int64)]))
+    return every_key, total
 
 
 def _looked_up(keys: Ints, values: Ints, wanted: Ints) -> Ints:

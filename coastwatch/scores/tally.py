@@ -84,30 +84,30 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
     if recording.truth is None:
         return tally
     truth, kinds, tracks = recording.truth.at(cycle.time_s), sensors.source_kinds, cycle.tracks
-    known = bool((tracks.origin >= 0).any())
+    has_truth = bool((tracks.origin >= 0).any())
     bearings_known = bool((cycle.bearing_tracks.origin >= 0).any())
-    decided = association(tracks, cycle.associations, kinds) if known else Confusion()
+    decided = association(tracks, cycle.associations, kinds) if has_truth else Confusion()
     bearings = (
         bearing_association(cycle.bearing_tracks, cycle.picture, cycle.bearing_associations) if bearings_known else Confusion()
     )
-    made = fusion_errors(truth, tracks, cycle.associations, cycle.fused, kinds)
-    nees_sum, nees_count = _fused_nees(truth, cycle, made)
+    fused_errors = fusion_errors(truth, tracks, cycle.associations, cycle.fused, kinds)
+    nees_sum, nees_count = _fused_nees(truth, cycle, fused_errors)
     distance = gospa(earth_centred(cycle.picture.position_deg), earth_centred(truth.position_deg), CUTOFF_M, ORDER)
     tally = replace(
         tally,
         associations=tally.associations + decided,
         bearing_associations=tally.bearing_associations + bearings,
-        fused=tally.fused + made.fused,
-        radar=tally.radar + made.radar,
-        ais=tally.ais + made.ais,
+        fused=tally.fused + fused_errors.fused,
+        radar=tally.radar + fused_errors.radar,
+        ais=tally.ais + fused_errors.ais,
         nees_sum=tally.nees_sum + nees_sum,
         nees_count=tally.nees_count + nees_count,
         gospa_squares_m2=tally.gospa_squares_m2 + distance.total_m**2,
         ospa_m=tally.ospa_m + ospa(distance, CUTOFF_M, ORDER).total_m,
         instants=tally.instants + 1,
-        counted=(*tally.counted, (cycle.time_s, made.origin)) if recording.noise is not None else (),
+        counted=(*tally.counted, (cycle.time_s, fused_errors.origin)) if recording.noise is not None else (),
     )
-    return _watched(tally, recording.truth, cycle, recording.whole().ais, recording.silenced, sensors) if known else tally
+    return _watched(tally, recording.truth, cycle, recording.whole().ais, recording.silenced, sensors) if has_truth else tally
 
 
 def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, dict[str, float | int | None]]:
@@ -127,7 +127,11 @@ def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, di
         "bearing_associations": {**_decisions(tally.bearing_associations)},
         "fused_tracks": {
             **tally.fused.as_dict(),
-            **{f"{part}_{name}": value for part, made in parts.items() for name, value in made.as_dict().items()},
+            **{
+                f"{part}_{name}": value
+                for part, errors_of_part in parts.items()
+                for name, value in errors_of_part.as_dict().items()
+            },
             "nees": tally.nees_sum / tally.nees_count if tally.nees_count else None,
             "count": tally.fused.count,
             "bound_count": best.count,
@@ -146,14 +150,14 @@ def _decisions(confusion: Confusion) -> dict[str, float]:
     return confusion.as_dict() if confusion != Confusion() else {}
 
 
-def _fused_nees(truth: Truth, cycle: Yielded, made: FusionErrors) -> tuple[float, int]:
+def _fused_nees(truth: Truth, cycle: Yielded, fused_errors: FusionErrors) -> tuple[float, int]:
     """Sum and count of the NEES of the counted vessels, position and velocity, where the fuser gives a covariance."""
-    at = rows_of(truth.vessel, made.origin)
-    fused = cycle.fused.take(made.row)
+    at = rows_of(truth.vessel, fused_errors.origin)
+    fused = cycle.fused.take(fused_errors.row)
     error_m = difference_m(fused.position_deg, truth.position_deg[at])
     values = nees(np.column_stack([error_m, fused.velocity_m_s - truth.velocity_m_s[at]]), fused.covariance)
-    known = np.isfinite(values)
-    return float(values[known].sum()), int(known.sum())
+    finite = np.isfinite(values)
+    return float(values[finite].sum()), int(finite.sum())
 
 
 def _watched(
@@ -184,12 +188,12 @@ def _bound_errors(tally: Tally, recording: Recording, ais: AisReports) -> Errors
     for t, (time_s, origin) in enumerate(tally.counted):
         now = truth.at(time_s)
         at, row = rows_of(now.vessel, origin), rows_of(few.vessel, origin)
-        known = np.isfinite(best.position_deg[row, t, 0])
+        has_bound = np.isfinite(best.position_deg[row, t, 0])
         total += errors(
-            best.position_deg[row, t][known],
-            best.velocity_m_s[row, t][known],
-            now.position_deg[at][known],
-            now.velocity_m_s[at][known],
+            best.position_deg[row, t][has_bound],
+            best.velocity_m_s[row, t][has_bound],
+            now.position_deg[at][has_bound],
+            now.velocity_m_s[at][has_bound],
         )
     return total
 

@@ -32,7 +32,7 @@ class TargetScores:
     nees: float = 0.0
     false: int = 0
     breaks: int = 0
-    held: tuple[int, ...] = ()  # targets that had a track in the last instant
+    matched_targets: tuple[int, ...] = ()  # targets that had a track in the last instant
     targets: tuple[int, ...] = ()  # seen so far
     every_ospa_m: tuple[float, ...] = ()  # at each instant
     named: int = 0  # instants of a matched target that sends an MMSI
@@ -45,19 +45,19 @@ class TargetScores:
 
         n, v = len(tracks), len(truth)
         every = difference_m(np.repeat(tracks.position_deg, v, axis=0), np.tile(truth.position_deg, (n, 1)))
-        apart = np.hypot(*every.T).reshape(n, v)
-        cost = np.minimum(apart, self.cutoff_m) ** ORDER
+        distance_m = np.hypot(*every.T).reshape(n, v)
+        cost = np.minimum(distance_m, self.cutoff_m) ** ORDER
         row, target = linear_sum_assignment(cost)
         total, most = cost[row, target].sum() + self.cutoff_m**ORDER * abs(n - v), max(n, v)
-        near = apart[row, target] < self.near_m
+        near = distance_m[row, target] < self.near_m
         row, target = row[near], target[near]
         off = every.reshape(n, v, 2)[row, target]
         error = np.column_stack([off, tracks.velocity_m_s[row] - truth.velocity_m_s[target]])
         now = tuple(truth.vessel[target].tolist())
         ospa_m = float((total / most) ** (1.0 / ORDER)) if most else 0.0
         name = np.array([mmsi.get(vessel, -1) for vessel in now], np.int64)
-        held = tracks.held_mmsi[row]
-        lost = set(self.held) & set(truth.vessel.tolist()) - set(now)
+        reported_mmsi = tracks.held_mmsi[row]
+        lost = set(self.matched_targets) & set(truth.vessel.tolist()) - set(now)
         return replace(
             self,
             instants=self.instants + 1,
@@ -65,15 +65,15 @@ class TargetScores:
             every_ospa_m=(*self.every_ospa_m, ospa_m),
             present=self.present + v,
             matched=self.matched + len(row),
-            error_m=self.error_m + float(apart[row, target].sum()),
+            error_m=self.error_m + float(distance_m[row, target].sum()),
             nees=self.nees + float(nees(error, tracks.covariance[row]).sum()),
             false=self.false + n - len(row),
             breaks=self.breaks + len(lost),
-            held=now,
+            matched_targets=now,
             targets=tuple(sorted({*self.targets, *truth.vessel.tolist()})),
             named=self.named + int((name >= 0).sum()),
-            right=self.right + int(((name >= 0) & (held == name)).sum()),
-            wrong=self.wrong + int(((name >= 0) & (held >= 0) & (held != name)).sum()),
+            right=self.right + int(((name >= 0) & (reported_mmsi == name)).sum()),
+            wrong=self.wrong + int(((name >= 0) & (reported_mmsi >= 0) & (reported_mmsi != name)).sum()),
         )
 
     def as_dict(self) -> dict[str, float | None]:

@@ -58,25 +58,25 @@ class PairScores:
 
     def seen(self, pairs: TruePairs, associations: Associations) -> PairScores:
         """The sums after one more instant. Args: pairs, associations: of the same tracks."""
-        made = np.zeros(pairs.scored.shape, np.bool_)
+        is_associated = np.zeros(pairs.scored.shape, np.bool_)
         for one, other in ((associations.first, associations.second), (associations.second, associations.first)):
             row, column = pairs.radar[one], pairs.ais[other]
-            both = (row >= 0) & (column >= 0)
-            made[row[both], column[both]] = True
-        made &= pairs.scored
-        right = made & pairs.same
+            of_both_kinds = (row >= 0) & (column >= 0)
+            is_associated[row[of_both_kinds], column[of_both_kinds]] = True
+        is_associated &= pairs.scored
+        right = is_associated & pairs.same
         wanted = set(pairs.vessel[pairs.same.any(axis=0)].tolist())
-        found = self.found.union(pairs.vessel[right.any(axis=0)].tolist())
-        begun = pairs.same & np.array([vessel in found for vessel in pairs.vessel.tolist()], np.bool_)
-        scored, same, accepted, tp = (int(np.count_nonzero(one)) for one in (pairs.scored, pairs.same, made, right))
+        paired = self.found.union(pairs.vessel[right.any(axis=0)].tolist())
+        begun = pairs.same & np.array([vessel in paired for vessel in pairs.vessel.tolist()], np.bool_)
+        scored, same, accepted, tp = (int(np.count_nonzero(one)) for one in (pairs.scored, pairs.same, is_associated, right))
         return PairScores(
             self.tp + tp,
             self.fn + int(np.count_nonzero(begun)) - tp,
             self.fp + accepted - tp,
             self.tn + scored - same - (accepted - tp),
-            self.waited + len(wanted - found),
+            self.waited + len(wanted - paired),
             self.wanted | wanted,
-            found,
+            paired,
         )
 
     def as_dict(self, period_s: float) -> dict[str, float | int | None]:
@@ -105,8 +105,8 @@ def true_vessels(tracks: Tracks, truth: Truth, lost_m: float) -> Ints:
     """The true vessel of each track; GONE where it no longer exists, NOBODY for clutter and for lost tracks. (N,)"""
     at = index_of(truth.vessel, tracks.origin)
     there = at >= 0
-    apart: Floats = np.full(len(tracks), np.inf)
-    apart[there] = np.hypot(*difference_m(tracks.position_deg[there], truth.position_deg[at[there]]).T)
-    out = np.where(apart <= lost_m, tracks.origin, NOBODY)
-    out[(tracks.origin >= 0) & ~there] = GONE
-    return out.astype(np.int64)
+    distance_m: Floats = np.full(len(tracks), np.inf)
+    distance_m[there] = np.hypot(*difference_m(tracks.position_deg[there], truth.position_deg[at[there]]).T)
+    vessel = np.where(distance_m <= lost_m, tracks.origin, NOBODY)
+    vessel[(tracks.origin >= 0) & ~there] = GONE
+    return vessel.astype(np.int64)
