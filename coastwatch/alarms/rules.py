@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch.alarms.close_approach import Approaching, Pairs, close_pairs
+from coastwatch.alarms.close_approach import Approaching, close_pairs
 from coastwatch.alarms.lasting import KEYS, AlarmSettings, Holding, Lasting, Raised, extend
 from coastwatch.alarms.silent_sensors import sensor_alarms, standing
 from coastwatch.alarms.watched import AIS, RADAR, Seen, Watched, look
@@ -92,7 +92,7 @@ class AlarmRules(AlarmSettings):
         followed, pairs = close_pairs(self, memory.approaching, seen.picture, time_s, (opened.vessel_id, opened.subject))
         vessel_id = seen.picture.vessel_id
         key, subject = vessel_id[pairs.first] * KEYS + AlarmKind.CLOSE_APPROACH, vessel_id[pairs.second]
-        strong = self._is_close(pairs)
+        strong = (pairs.cpa_m <= self.cpa_nm * NAUTICAL_MILE_M) & (pairs.tcpa_s <= self.tcpa_min * 60.0)
         now = Holding(key, subject, strong, np.zeros(len(key), np.bool_))
         after, _ = extend(memory.close, now, none, self.cpa_open_s, self.close_s, time_s)
         opened = after.take(after.open)
@@ -103,11 +103,6 @@ class AlarmRules(AlarmSettings):
             for name, value in (("distance_m", pairs.cpa_m), ("range_m", pairs.range_m), ("interval_s", pairs.tcpa_s))
         }
         return followed, after, Raised.of(AlarmKind.CLOSE_APPROACH, opened.vessel_id, opened.subject, **of_pair)
-
-    def _is_close(self, pairs: Pairs) -> Bools:
-        """Which pairs are within the limits themselves. (P,)"""
-        limit_m = self.cpa_nm * NAUTICAL_MILE_M
-        return np.asarray((pairs.cpa_m <= limit_m) & (pairs.tcpa_s <= self.tcpa_min * 60.0))
 
     def _dragging(self, before: Lasting, seen: Seen, time_s: float) -> tuple[Lasting, Raised]:
         rows = np.flatnonzero(seen.dragging)

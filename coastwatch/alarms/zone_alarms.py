@@ -370,7 +370,8 @@ def _moments(
 ) -> Moments:
     """Alarms for leaving and crossing: the new ones, and those that are not over. Args: left: stays that have ended."""
     gone = find(seen.picture.vessel_id, left.vessel_id) < 0  # it has not left, it is not seen any more
-    rows = [k for k in np.flatnonzero(~gone).tolist() if _alarms_leaving(by_number, int(left.subject[k]))]
+    with_alarm = [number for number, shape in by_number.items() if shape.zone.leave]
+    rows = np.flatnonzero(~gone & np.isin(left.subject, with_alarm))
     key = [left.vessel_id[rows] * KEYS + AlarmKind.ZONE_LEAVE]
     subject, to_right = [left.subject[rows]], [np.full(len(rows), np.nan)]
     for shape in by_number.values():
@@ -392,10 +393,6 @@ def _moments(
     joint = joint_keys(keys)[0]
     _, first = np.unique(joint, return_index=True)  # a new one is before an old one
     return Moments(keys[0][first], keys[1][first], until_s[first], sides_of[first])
-
-
-def _alarms_leaving(by_number: dict[int, Shape], number: int) -> bool:
-    return number in by_number and by_number[number].zone.leave
 
 
 def _may_cross(shape: Shape, from_deg: Floats, to_deg: Floats) -> Bools:

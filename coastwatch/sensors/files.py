@@ -193,7 +193,8 @@ class WireStream:
         while not all(file.is_read for file in self._files):
             part = self.between(after_s, until_s)
             count, after_s = count + len(part), until_s
-            until_s = max(until_s, min(self._newest_s(), default=until_s))
+            newest_s = (file.decoder.stamps.newest_s for file in self._files if not file.is_read)
+            until_s = max(until_s, min(newest_s, default=until_s))
         return count + len(self.between(after_s, math.inf))
 
     def span(self) -> tuple[float, float]:
@@ -209,7 +210,3 @@ class WireStream:
     def contents(self) -> tuple[FileContent, ...]:
         """As `ReportStream.contents`."""
         return tuple(file.content() for file in self._files)
-
-    def _newest_s(self) -> Iterator[float]:
-        """The newest time of each file that is not read to its end."""
-        return (file.decoder.stamps.newest_s for file in self._files if not file.is_read)
