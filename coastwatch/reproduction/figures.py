@@ -193,12 +193,15 @@ def _column(made: Sequence[Made], figure: Figure, variant: str, path: str) -> Sp
     if one is None:
         return Spread()
     below = at(made, variant, {**figure.at, **figure.against}) if figure.against else None
+    mean = Spread(values(below.records, path)).mean if below is not None and figure.of_means else math.nan
     found = []
     for k, record in enumerate(one.records):
         value = at_path(record, path)
         over = at_path(record, figure.over) if figure.over else 1.0
-        if below is not None:  # the same seed at the other point
+        if figure.of_means:
+            over = mean
+        elif below is not None:  # the same seed at the other point
             over = at_path(below.records[k], path) if k < len(below.records) else None
-        if value is not None and over:
+        if value is not None and over and math.isfinite(over):
             found.append(value / over)
     return Spread(tuple(found))

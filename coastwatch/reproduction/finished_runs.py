@@ -19,6 +19,7 @@ MEASURING = (
     "side_by_side.py",
     "systems.py",
     "targets.py",
+    "track_loss.py",
     "two_filters.py",
 )  # of this folder; the others only present the records
 

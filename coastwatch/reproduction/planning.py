@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pydantic import ValidationError
 
 from coastwatch.errors import InputError
-from coastwatch.reproduction.published import Point, Published, Roc, Targets, Variant, settings_of
+from coastwatch.reproduction.published import Point, Published, Roc, Targets, TrackLoss, Variant, settings_of
 from coastwatch.reproduction.side_by_side import SideBySide
 from coastwatch.reproduction.systems import Systems
 from coastwatch.reproduction.two_filters import TwoFilters
@@ -37,6 +37,7 @@ class Job:
     targets: Targets | None = None
     side_by_side: SideBySide | None = None
     systems: Systems | None = None
+    track_loss: TrackLoss | None = None
 
     @property
     def scenario(self) -> Scenario:
@@ -126,7 +127,9 @@ def _job(of: Published, subject: Scenario | TwoFilters, seed: int, roc: Roc | No
         "targets": of.targets and of.targets.model_dump(mode="json"),
         **({"side_by_side": of.side_by_side.model_dump(mode="json")} if of.side_by_side else {}),
         **({"systems": of.systems.model_dump(mode="json")} if of.systems else {}),
+        **({"track_loss": of.track_loss.model_dump(mode="json")} if of.track_loss else {}),
         "code": code,
     }
     key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()[:20]
-    return Job(key, subject, seed, of.history_s, of.picture, roc, of.serial, of.targets, of.side_by_side, of.systems)
+    kinds = of.targets, of.side_by_side, of.systems, of.track_loss
+    return Job(key, subject, seed, of.history_s, of.picture, roc, of.serial, *kinds)

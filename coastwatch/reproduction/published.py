@@ -17,7 +17,7 @@ from coastwatch.reproduction.two_filters import TwoFilters
 from coastwatch.scenario.refusing import refusals
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import did_you_mean
-from coastwatch.stage import Count, Settings
+from coastwatch.stage import Count, Positive, Settings
 
 Value = float | int | str
 Point = tuple[tuple[str, Value], ...]
@@ -36,6 +36,15 @@ class Targets(Settings):
     cutoff_m: float = 200.0  # of OSPA
     near_m: float = 100.0  # a track farther from every target is false
     within_m: float  # of the first radar; tracks farther away do not count
+
+
+class TrackLoss(Settings):
+    """Asks for the scores of whole paths of radar tracks, in place of those of a whole run."""
+
+    limit_m: Positive = 15.0  # a path farther from its target may have lost it
+    for_good: Positive = 10.0  # times the limit: then it has
+    near_m: Positive = 50.0  # a track in a shadow is of a target within this
+    after_looks: Count = 5  # after a shadow, when the track should be the same as before
 
 
 class Variant(Settings):
@@ -67,6 +76,7 @@ class Figure(Settings):
     bound: str = ""  # path of the physical bound
     at: dict[str, Value] = Field(default_factory=dict)  # which point of the sweeps
     against: dict[str, Value] = Field(default_factory=dict)  # divided by the same at this other point
+    of_means: bool = False  # divided by the mean there over the runs, not run by run
     unit: str = ""  # "%": the value is a fraction of 1
     digits: int = 2
     literal: str = "literal"  # the variant that runs the method of the paper as it stands; empty: none
@@ -133,6 +143,7 @@ class Published(Settings):
     history_s: tuple[float, ...] = ()  # times after a cold start at which decisions are counted separately
     picture: bool = False  # draw the picture
     targets: Targets | None = None  # score radar tracks alone
+    track_loss: TrackLoss | None = None  # score whole paths of radar tracks alone
     side_by_side: SideBySide | None = None  # score several methods on the same tracks
     systems: Systems | None = None  # score the vessels of the whole chain
     two_filters: TwoFilters | None = None  # two filters of one target in place of a scenario; settings are theirs
@@ -161,8 +172,9 @@ class Published(Settings):
             if missing:
                 raise ValueError(f"figure {figure.name!r}: got variants {sorted(missing)}, needed some of {names}")
             for key, value in {**figure.at, **figure.against}.items():
-                if value not in self.sweep.get(key, ()):
-                    raise ValueError(f"figure {figure.name!r}: got {key} = {value}, needed one of {self.sweep.get(key, ())}")
+                known = [*self.sweep.get(key, ()), *(one for v in self.variant for one in v.sweep.get(key, ()))]
+                if value not in known:
+                    raise ValueError(f"figure {figure.name!r}: got {key} = {value}, needed one of {known}")
         return self
 
     def points(self, variant: Variant) -> Iterator[Point]:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from coastwatch.batches import AisReports, Messages, Plots, RadarCorrections, Reports, Sensors, Tracks, Truth
+from coastwatch.batches import AisReports, Messages, Plots, RadarCorrections, Recording, Reports, Sensors, Tracks, Truth
 from coastwatch.geodesy import difference_m, to_plane
 from coastwatch.reproduction.published import Targets
 from coastwatch.scenario import Scenario
 from coastwatch.scores.targets import TargetScores
-from coastwatch.tracks import AisInput, RegionInput, TableTracker
+from coastwatch.server.timing import Stopwatch
+from coastwatch.tracks import AisInput, RadarMemory, RegionInput, RegionOutput, TableTracker
 from coastwatch.tracks.radar.association import KnownOrigin
 from coastwatch.tracks.radar.life import TrackManagement
 
@@ -33,14 +35,29 @@ def of_known_origin(scenario: Scenario) -> TableTracker:
 
 
 def _run(scenario: Scenario, method: TableTracker, seed: int, asked: Targets) -> dict[str, float | list[float] | None]:
-    sensors, plan = scenario.sensors(), scenario.plan()
-    recording, none = scenario.input.load(sensors, seed, plan), RadarCorrections.none(len(sensors.radars))
+    sensors = scenario.sensors()
+    recording = scenario.input.load(sensors, seed, scenario.plan())
     assert recording.truth is not None
     assert isinstance(recording.reports, Reports)
-    scores = TargetScores(asked.cutoff_m, asked.near_m)
-    memory, converted, ais_memory = method.init(), scenario.plots.init(), scenario.ais_tracks.init()
+    scores, mmsi = TargetScores(asked.cutoff_m, asked.near_m), mmsi_of_vessels(recording.reports.ais)
+    known = isinstance(method.association, KnownOrigin)
+    for now_s, _, found in cycles(scenario, method, recording, method.init()):
+        truth = recording.truth.at(now_s)
+        scores = scores.seen(truth, _counted(found.tracks, truth, sensors, asked.within_m, known), mmsi)
+    return {**scores.as_dict(), "every_ospa_m": list(scores.every_ospa_m)}
+
+
+def cycles(
+    scenario: Scenario, method: TableTracker, recording: Recording, memory: RadarMemory, watch: Stopwatch | None = None
+) -> Iterator[tuple[float, RadarMemory, RegionOutput]]:
+    """Instant, memory and output of each cycle of the radar tracks of region 0: plots, AIS tracks and tracks, and no later stage.
+
+    The memory that comes with an instant is valid until the next. Args: watch: measures the steps of the tracker.
+    """
+    sensors, plan, none = scenario.sensors(), scenario.plan(), RadarCorrections.none(len(scenario.radars))
+    converted, ais_memory, watch = scenario.plots.init(), scenario.ais_tracks.init(), watch or Stopwatch()
     known, echo_m = isinstance(method.association, KnownOrigin), scenario.tracks.upkeep.echo_sigma_m
-    mmsi = mmsi_of_vessels(recording.reports.ais)
+    assert isinstance(recording.reports, Reports)
     for cycle in range(plan.cycles):
         now_s = plan.instant_s(cycle)
         reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
@@ -51,10 +68,10 @@ def _run(scenario: Scenario, method: TableTracker, seed: int, asked: Targets) ->
             plots = replace(plots, covariance=plots.covariance + echo_m**2 * np.eye(2))
             plots = Plots.join([plots, _as_plots(messages, sensors)])
         given = RegionInput.of_plots(plots, now_s, sensors)
-        memory, (tracks, *_) = method.step(memory, given._replace(messages=messages))
-        truth = recording.truth.at(now_s)
-        scores = scores.seen(truth, _counted(tracks, truth, sensors, asked.within_m, known), mmsi)
-    return {**scores.as_dict(), "every_ospa_m": list(scores.every_ospa_m)}
+        with watch("tracks"):
+            memory, found = method.step(memory, given._replace(messages=messages))
+        watch.lap()
+        yield now_s, memory, found
 
 
 def mmsi_of_vessels(reports: AisReports) -> dict[int, int]:

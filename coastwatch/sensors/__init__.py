@@ -11,7 +11,10 @@ from coastwatch.sensors.recorded.tables.ais import AisTable
 from coastwatch.sensors.recorded.tables.feed import Tables
 from coastwatch.sensors.simulated.crossing import Crossing
 from coastwatch.sensors.simulated.simulation import Simulated
+from coastwatch.sensors.simulated.start_states import StartStates
 
-Feed = Annotated[Simulated | Nmea | AisTable | Tables | Autoferry | Solent | Crossing, Field(discriminator="method")]
+Feed = Annotated[
+    Simulated | Nmea | AisTable | Tables | Autoferry | Solent | Crossing | StartStates, Field(discriminator="method")
+]
 
-__all__ = ["AisTable", "Autoferry", "Crossing", "Feed", "Nmea", "Simulated", "Solent", "Tables"]
+__all__ = ["AisTable", "Autoferry", "Crossing", "Feed", "Nmea", "Simulated", "Solent", "StartStates", "Tables"]

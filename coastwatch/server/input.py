@@ -88,7 +88,7 @@ class Paced:
     ) -> tuple[Recording, Plan]:
         """As of `Input`."""
         plan = scenario.plan()
-        simulated = scenario.input.method in ("simulated", "crossing")
+        simulated = scenario.input.method in ("simulated", "crossing", "start_states")
         if simulated:
             plan = plan.model_copy(update={"start_s": float(int(clock.now_s()))})
         recording = scenario.input.load(sensors, seed, plan)

@@ -229,7 +229,7 @@ def feed(options: argparse.Namespace) -> int:
         batches = of_file(Path(options.source), [address.format for address in addresses])
     else:
         scenario = load_scenario(options.source, dict(options.settings))
-        simulated = scenario.input.method in ("simulated", "crossing")
+        simulated = scenario.input.method in ("simulated", "crossing", "start_states")
         now = simulated and options.speed == 1.0
         batches = of_scenario(scenario, scenario.sensors(), [address.format for address in addresses], now=now)
     stop = threading.Event()

@@ -227,14 +227,23 @@ def _itu_interval(senders: Transponders, state: StateAt, who: Ints, time_s: Floa
     row = senders.row[who]
     _, now = state(row, time_s)
     _, before = state(row, time_s - 1.0)
-    speed = np.hypot(now[:, 0], now[:, 1]) / KNOT_M_S
-    turned = np.arctan2(now[:, 0] * before[:, 1] - now[:, 1] * before[:, 0], (now * before).sum(axis=1))
-    turning = np.abs(turned) > TURNING_RAD_S
-    out = np.empty(len(who))
-    for class_b, table in ((False, CLASS_A), (True, CLASS_B)):
+    return itu_interval_s(now, before, 1.0, senders.class_b[who])
+
+
+def itu_interval_s(now_m_s: Floats, before_m_s: Floats, apart_s: float, class_b: Bools) -> Floats:
+    """The interval until the next report of vessels. (M,)
+
+    Args: now_m_s, before_m_s: velocities (M, 2) now and `apart_s` before.
+    Source: Recommendation ITU-R M.1371-5 (2014), annex 1, tables 1 and 2.
+    """
+    speed = np.hypot(now_m_s[:, 0], now_m_s[:, 1]) / KNOT_M_S
+    cross = now_m_s[:, 0] * before_m_s[:, 1] - now_m_s[:, 1] * before_m_s[:, 0]
+    turned = np.arctan2(cross, (now_m_s * before_m_s).sum(axis=1))
+    turning = np.abs(turned) > TURNING_RAD_S * apart_s
+    out = np.empty(len(speed))
+    for of_b, table in ((False, CLASS_A), (True, CLASS_B)):
         limits, steady, in_turn = (np.array(part) for part in zip(*table, strict=True))
         step = np.searchsorted(limits, speed, side="right")
         step = np.minimum(step, len(limits) - 1)
-        mine = senders.class_b[who] == class_b
-        out = np.where(mine, np.where(turning, in_turn[step], steady[step]), out)
-    return np.where((speed < AT_ANCHOR_KN) & ~senders.class_b[who], ANCHORED_S, out)
+        out = np.where(class_b == of_b, np.where(turning, in_turn[step], steady[step]), out)
+    return np.where((speed < AT_ANCHOR_KN) & ~class_b, ANCHORED_S, out)
