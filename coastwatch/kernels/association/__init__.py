@@ -9,6 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "candidate_pairs",
         "connected_components",
         "crowds",
+        "global_hypothesis",
         "history",
         "marginals",
         "pair_distance",
