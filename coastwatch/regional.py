@@ -25,8 +25,8 @@ from coastwatch.batches import (
 )
 from coastwatch.plots import PlotConverter, PolarMemory
 from coastwatch.scenario import Scenario
-from coastwatch.stage import Groups
-from coastwatch.tracks import RadarMemory, RadarTracker, RegionInput
+from coastwatch.stage import Groups, Running
+from coastwatch.tracks import ForestMemory, RadarMemory, RadarTracker, RegionInput
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class RegionMemory:
     """The memory of a regional centre between two cycles: plain data."""
 
     plots: PolarMemory
-    tracks: RadarMemory
+    tracks: RadarMemory | ForestMemory
     dropped: int  # plots that are not finite or from the future, since the start
 
 
@@ -78,8 +78,8 @@ def run_regional_centre(
     sensors, radars = given.sensors, given.radars
     plots_memory, plots = converter.step(memory.plots, given.reports, sensors, given.corrections)
     jumped = given.corrections.jumped
-    tracks_memory, found = tracker.step(
-        memory.tracks, RegionInput(plots, given.messages, jumped, given.time_s, sensors, given.region)
+    tracks_memory, found = Running(tracker, memory.tracks).next(
+        RegionInput(plots, given.messages, jumped, given.time_s, sensors, given.region)
     )
     measurements, standing = found.measurements, found.standing_echoes
     after = RegionMemory(plots_memory, tracks_memory, memory.dropped + found.dropped)

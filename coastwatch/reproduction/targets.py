@@ -13,52 +13,68 @@ from coastwatch.reproduction.published import Targets
 from coastwatch.scenario import Scenario
 from coastwatch.scores.targets import TargetScores
 from coastwatch.server.timing import Stopwatch
-from coastwatch.tracks import AisInput, RadarMemory, RegionInput, RegionOutput, TableTracker
+from coastwatch.stage import Running
+from coastwatch.tracks import AisInput, ForestMemory, RadarMemory, RadarTracker, RegionInput, RegionOutput, TableTracker
 from coastwatch.tracks.radar.association import KnownOrigin
 from coastwatch.tracks.radar.life import TrackManagement
 
+AnyMemory = RadarMemory | ForestMemory
 NEVER = 10**6  # turns or seconds that no run has: tracks of known origin end with their targets
 
 
 def measure(scenario: Scenario, seed: int, asked: Targets) -> dict[str, float | list[float] | None]:
     """The scores of the tracks of region 0, and as `genie_...` those of the bound."""
-    both = {"": scenario.tracks, "genie_": of_known_origin(scenario)}
+    known = of_known_origin(scenario)
+    both = {"": scenario.tracks, "genie_": known}
     return {
         f"{name}{key}": value for name, method in both.items() for key, value in _run(scenario, method, seed, asked).items()
     }
 
 
 def of_known_origin(scenario: Scenario) -> TableTracker:
-    """The filters of a scenario's tracker, given every plot of a target and no other."""
+    """The filters of a scenario's tracker, given every plot of a target and no other. Raises: TypeError: it keeps no table of tracks."""
+    if not isinstance(scenario.tracks, TableTracker):
+        raise TypeError(f"targets: got tracks.method = {scenario.tracks.method!r}, needed one of a table of tracks")
     upkeep = TrackManagement(delete_misses=NEVER, misses_per_hit=NEVER, coast_s=NEVER)
     return TableTracker(association=KnownOrigin(), motion=scenario.tracks.motion, upkeep=upkeep)
 
 
-def _run(scenario: Scenario, method: TableTracker, seed: int, asked: Targets) -> dict[str, float | list[float] | None]:
+def _run(scenario: Scenario, method: RadarTracker, seed: int, asked: Targets) -> dict[str, float | list[float] | None]:
     sensors = scenario.sensors()
     recording = scenario.input.load(sensors, seed, scenario.plan())
     assert recording.truth is not None
     assert isinstance(recording.reports, Reports)
     scores, mmsi = TargetScores(asked.cutoff_m, asked.near_m), mmsi_of_vessels(recording.reports.ais)
-    known = isinstance(method.association, KnownOrigin)
+    known = knows_origin(method)
     for now_s, _, found in cycles(scenario, method, recording, method.init()):
         truth = recording.truth.at(now_s)
         scores = scores.seen(truth, _counted(found.tracks, truth, sensors, asked.within_m, known), mmsi)
     return {**scores.as_dict(), "every_ospa_m": list(scores.every_ospa_m)}
 
 
+def knows_origin(method: RadarTracker) -> bool:
+    """Whether a tracker is given the origin of every plot."""
+    return isinstance(method, TableTracker) and isinstance(method.association, KnownOrigin)
+
+
 def cycles(
-    scenario: Scenario, method: TableTracker, recording: Recording, memory: RadarMemory, watch: Stopwatch | None = None
-) -> Iterator[tuple[float, RadarMemory, RegionOutput]]:
+    scenario: Scenario,
+    method: RadarTracker,
+    recording: Recording,
+    memory: AnyMemory,
+    first: int = 0,
+    watch: Stopwatch | None = None,
+) -> Iterator[tuple[float, AnyMemory, RegionOutput]]:
     """Instant, memory and output of each cycle of the radar tracks of region 0: plots, AIS tracks and tracks, and no later stage.
 
-    The memory that comes with an instant is valid until the next. Args: watch: measures the steps of the tracker.
+    The memory that comes with an instant is valid until the next. Args: first: cycle; watch: measures the steps of the tracker.
     """
     sensors, plan, none = scenario.sensors(), scenario.plan(), RadarCorrections.none(len(scenario.radars))
     converted, ais_memory, watch = scenario.plots.init(), scenario.ais_tracks.init(), watch or Stopwatch()
-    known, echo_m = isinstance(method.association, KnownOrigin), scenario.tracks.upkeep.echo_sigma_m
+    known = knows_origin(method)
+    echo_m = scenario.tracks.upkeep.echo_sigma_m if known and isinstance(scenario.tracks, TableTracker) else 0.0
     assert isinstance(recording.reports, Reports)
-    for cycle in range(plan.cycles):
+    for cycle in range(first, plan.cycles):
         now_s = plan.instant_s(cycle)
         reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
         converted, plots = scenario.plots.step(converted, reports.radar, sensors, none)
@@ -69,7 +85,7 @@ def cycles(
             plots = Plots.join([plots, _as_plots(messages, sensors)])
         given = RegionInput.of_plots(plots, now_s, sensors)
         with watch("tracks"):
-            memory, found = method.step(memory, given._replace(messages=messages))
+            memory, found = Running(method, memory).next(given._replace(messages=messages))
         watch.lap()
         yield now_s, memory, found
 

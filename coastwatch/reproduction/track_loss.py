@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from coastwatch.batches import Floats, Ints, Reports
-from coastwatch.geodesy import to_plane
+from coastwatch.batches import ID_STRIDE, Floats, Ints, Reports
+from coastwatch.geodesy import from_plane, to_plane
 from coastwatch.reproduction.published import TrackLoss
 from coastwatch.reproduction.targets import cycles
 from coastwatch.scenario import Scenario
 from coastwatch.scores.track_loss import initiation_scores, path_scores, shadow_scores
 from coastwatch.sensors import StartStates
 from coastwatch.server.timing import Stopwatch
+from coastwatch.tracks import ForestMemory, MultiHypothesisLiteral
+from coastwatch.tracks.radar.multi_hypothesis.forest import Decided
 
 
 def measure(scenario: Scenario, seed: int, asked: TrackLoss) -> dict[str, float | None]:
@@ -24,16 +26,29 @@ def measure(scenario: Scenario, seed: int, asked: TrackLoss) -> dict[str, float 
     recording = scenario.input.load(sensors, seed, scenario.plan())
     assert recording.truth is not None
     assert isinstance(recording.reports, Reports)
-    watch, true, shown = Stopwatch(), [], []
-    site_deg = sensors.radars.site_deg[0]
-    for now_s, _, found in cycles(scenario, scenario.tracks, recording, scenario.tracks.init(), watch):
-        if now_s < recording.truth.time_s[0]:
-            continue
-        truth, tracks = recording.truth.at(now_s), found.tracks
-        true.append((truth.vessel, to_plane(truth.position_deg, site_deg)))
-        shown.append((tracks.track_id, to_plane(tracks.position_deg, site_deg)))
+    watch, site_deg, region_deg = Stopwatch(), sensors.radars.site_deg[0], sensors.region_origin_deg[0]
+    method, start_s = scenario.tracks, float(recording.truth.time_s[0])
+    instants_s = [at for at in map(scenario.plan().instant_s, range(scenario.plan().cycles)) if at >= start_s]
+    first, begun = scenario.plan().cycles - len(instants_s), scenario.tracks.init()
+    true = [(now.vessel, to_plane(now.position_deg, site_deg)) for now in map(recording.truth.at, instants_s)]
+    shown, decided = [], []
+    if isinstance(method, MultiHypothesisLiteral) and first:  # it is told of the tracks, where others get a lead-in
+        now = recording.truth.at(start_s)
+        begun = method.begun(np.hstack([to_plane(now.position_deg, region_deg), now.velocity_m_s]), start_s)
+        decided.append(begun.decided)
+        shown.append((begun.trees.number, to_plane(now.position_deg, site_deg)))
+    for now_s, memory, found in cycles(scenario, method, recording, begun, first + 1 if shown else 0, watch):
+        if now_s >= start_s:
+            number = found.tracks.track_id % ID_STRIDE
+            shown.append((number, to_plane(found.tracks.position_deg, site_deg)))
+            if isinstance(memory, ForestMemory):
+                decided.append(memory.decided)
     true_m, online_m = as_paths(true), as_paths(shown)
     final_m = online_m
+    if isinstance(memory, ForestMemory):
+        every = Decided.join([*decided, memory.open_path()])
+        position_m = to_plane(from_plane(every.state[:, :2], region_deg), site_deg)
+        final_m = as_paths([(every.number[at], position_m[at]) for at in (every.time_s == now_s for now_s in instants_s)])
     hidden = np.zeros(true_m.shape[:2], np.bool_)
     if isinstance(scenario.input, StartStates):
         hidden = scenario.input.in_shadow(true_m)

@@ -14,12 +14,14 @@ from coastwatch.tracks.ais.out_of_sequence import Memory as AisMemory
 from coastwatch.tracks.alignment import ConstantVelocity
 from coastwatch.tracks.bearing import BearingMemory, BearingWindow
 from coastwatch.tracks.inputs import AisInput, AisOutput, BearingInput, ReceivedInput
+from coastwatch.tracks.radar.multi_hypothesis.forest import ForestMemory
+from coastwatch.tracks.radar.multi_hypothesis.literal import MultiHypothesisLiteral
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput
 from coastwatch.tracks.radar.table import RadarMemory
 from coastwatch.tracks.radar.tracker import TableTracker
 from coastwatch.tracks.received import ReceivedMemory, ReceivedTracks
 
-RadarTracker = Annotated[TableTracker, Field()]
+RadarTracker = Annotated[TableTracker | MultiHypothesisLiteral, Field(discriminator="method")]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
 BearingTracker = Annotated[BearingWindow, Field()]
 TrackAligner = Annotated[ConstantVelocity, Field()]
@@ -37,6 +39,8 @@ __all__ = [
     "BearingTracker",
     "BearingWindow",
     "ConstantVelocity",
+    "ForestMemory",
+    "MultiHypothesisLiteral",
     "RadarMemory",
     "RadarTracker",
     "ReceivedInput",

@@ -19,10 +19,9 @@ PERIOD_S = 3.0
 ORIGIN_DEG = np.array([-22.95, -43.1])
 
 
-def every_tracker() -> list[RadarTracker]:
-    """A tracker for each name of each method of the stage, and for each part that none of these has. Particles are few, for speed."""
-    names = [(model, name) for model in models_of(RadarTracker)[0] for name in methods_of(model)]
-    made = [model(method=name) for model, name in names]
+def every_tracker() -> list[TableTracker]:
+    """A tracker of a table for each of its names, and for each part that none of these has. Particles are few, for speed."""
+    made = [TableTracker(method=name) for name in methods_of(TableTracker)]
     for key, field in TableTracker.model_fields.items():
         for part in models_of(field.annotation)[0]:
             if not any(isinstance(getattr(tracker, key), part) for tracker in made):

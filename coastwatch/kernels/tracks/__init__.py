@@ -15,6 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "plot_assignment",
         "prediction",
         "report",
+        "thesis_growth",
         "track_life",
         "vessel_ids",
     ],

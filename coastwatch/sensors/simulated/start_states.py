@@ -66,8 +66,8 @@ class StartStates(Method):
     detection_probability: Share = 0.9
     clutter_per_m2: NotNegative = 1e-5  # false plots in one look
     plot_sigma_m: NotNegative = 2.5  # per axis
-    accurate_sigma: NotNegative = 1.0  # of an AIS report that states a high accuracy, per axis: m, and m/s
-    inaccurate_sigma: NotNegative = 3.0  # of one that states a low one
+    accurate_sigma: NotNegative = 1.0  # of an AIS report that states a high accuracy, per axis: the same number of m and m/s
+    inaccurate_sigma: NotNegative = 3.0  # the same number of a report that states a low one
     inaccurate_share: Share = 0.5  # of the reports
     loss: Share = 0.0  # share of the reports that are not received
     lead_in: CountOrZero = 0  # looks before the first, without clutter or miss, for trackers that begin tracks themselves

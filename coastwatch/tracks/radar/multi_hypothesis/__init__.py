@@ -1,0 +1,1 @@
+"""Trackers that keep several hypotheses of each vessel open over some looks."""
