@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from coastwatch.alarms import EventMemory
-from coastwatch.alarms.events import KEYS
+from coastwatch.alarms.lasting import KEYS
 from coastwatch.batches import ALARM_KINDS, BegunEvents, EventChanges, EventSpans
 from coastwatch.batches.kinds import EVENT_KINDS, IS_ALARM, PRIORITIES
 from coastwatch.store import Acknowledgement, AlarmKey, Beginnings, Rows

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch.alarms import AlarmInput, AlarmRules, EventMemory, EvidenceContext, expected_sensors, next_events, numbered
-from coastwatch.alarms.events import KEYS
+from coastwatch.alarms.lasting import KEYS
 from coastwatch.batches import (
     AisReports,
     BearingAssociations,
