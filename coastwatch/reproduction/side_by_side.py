@@ -16,7 +16,7 @@ from coastwatch.geodesy import difference_m
 from coastwatch.scenario import Scenario
 from coastwatch.scores.nees import nees
 from coastwatch.scores.track_pairs import PairScores, TruePairs, true_vessels
-from coastwatch.stage import Settings, serial
+from coastwatch.stage import Running, Settings, serial
 from coastwatch.tracks import AisInput, RegionInput
 
 
@@ -46,7 +46,7 @@ def measure(scenario: Scenario, seed: int, asked: SideBySide) -> dict[str, dict[
         now_s = plan.instant_s(cycle)
         reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
         converted, plots = scenario.plots.step(converted, reports.radar, sensors, none)
-        radar, (radar_tracks, taken, *_) = scenario.tracks.step(radar, RegionInput.of_plots(plots, now_s, sensors))
+        radar, (radar_tracks, taken, *_) = Running(scenario.tracks, radar).next(RegionInput.of_plots(plots, now_s, sensors))
         ais, (ais_tracks, _, reported) = scenario.ais_tracks.step(ais, AisInput(reports.ais, now_s, sensors))
         tracks = scenario.alignment.step(Tracks.join([radar_tracks, ais_tracks]), now_s)
         spots_memory, spots = scenario.spots.step(spots_memory, tracks)

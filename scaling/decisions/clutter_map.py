@@ -16,7 +16,7 @@ from coastwatch.batches import RadarCorrections
 from coastwatch.geodesy import to_plane
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.rmse import rows_of
-from coastwatch.tracks import RegionInput
+from coastwatch.tracks import RegionInput, TableTracker
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from scaling.decisions.region_tracker import LAST, NEAR_M, settings
 
@@ -34,6 +34,7 @@ def main() -> None:
     assert recording.truth is not None
     origin = sensors.region_origin_deg[0]
     site = to_plane(sensors.radars.site_deg, origin)
+    assert isinstance(scenario.tracks, TableTracker)
     methods = {
         learnt: scenario.tracks.model_copy(update={"clutter": ClutterSettings(learnt=learnt)}) for learnt in (False, True)
     }

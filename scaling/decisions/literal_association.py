@@ -22,7 +22,7 @@ from coastwatch.operators.cli.arguments import count, whole
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
 from coastwatch.sensors import Simulated
-from coastwatch.stage import serial
+from coastwatch.stage import Running, serial
 from coastwatch.tracks import AisInput, RegionInput
 
 Threshold = Literal["chi_square", "hotelling"]
@@ -81,7 +81,7 @@ def cycles_of(overrides: dict[str, str], seed: int, hidden_share: float = 0.0) -
         now = plan.instant_s(cycle)
         part = reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now)
         plots_memory, plots = scenario.plots.step(plots_memory, part.radar, sensors, exact)
-        radar, (seen, *_) = scenario.tracks.step(radar, RegionInput.of_plots(plots, now, sensors))
+        radar, (seen, *_) = Running(scenario.tracks, radar).next(RegionInput.of_plots(plots, now, sensors))
         ais, (said, *_) = scenario.ais_tracks.step(ais, AisInput(part.ais, now, sensors))
         seen = seen.take(~(np.isin(seen.origin, hidden) & np.isin(seen.origin, said.origin)))
         tracks = type(seen).join([seen, said])

@@ -20,6 +20,7 @@ from coastwatch.geodesy import to_plane
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.purity import Identities
 from coastwatch.scores.rmse import rows_of
+from coastwatch.stage import Running
 from coastwatch.tracks import RegionInput
 
 LAST = 8  # cycles that are scored and timed
@@ -59,7 +60,7 @@ def main() -> None:
         since_s = plan.instant_s(cycle - 1) if cycle else -math.inf
         converted, plots = scenario.plots.step(converted, recording.reports.between(since_s, now_s).radar, sensors, none)
         begin = process_time()
-        memory, (tracks, *_) = scenario.tracks.step(memory, RegionInput.of_plots(plots, now_s, sensors))
+        memory, (tracks, *_) = Running(scenario.tracks, memory).next(RegionInput.of_plots(plots, now_s, sensors))
         cost_ms.append(1e3 * (process_time() - begin))
         if cycle < plan.cycles - LAST:
             continue

@@ -24,6 +24,7 @@ from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.bound import bound
 from coastwatch.scores.nees import nees
 from coastwatch.scores.rmse import Errors, errors, rows_of
+from coastwatch.stage import Running
 from coastwatch.tracks import RadarTracker, RegionInput, TableTracker
 from coastwatch.tracks.radar.association import KnownOrigin
 from coastwatch.tracks.radar.motion import AGILE, CHANGING, RESTLESS, SHARP, STEADY, TURNS, Manoeuvres, Model, Turning
@@ -97,7 +98,7 @@ def cycles(scenario: Scenario, recording: Recording, sensors: Sensors, method: R
         since = plan.instant_s(number - 1) if number else -np.inf
         reports = recording.reports.between(since, plan.instant_s(number)).radar
         converted, plots = scenario.plots.step(converted, reports, sensors, exact)
-        memory, (tracks, *_) = method.step(memory, RegionInput.of_plots(plots, plan.instant_s(number), sensors))
+        memory, (tracks, *_) = Running(method, memory).next(RegionInput.of_plots(plots, plan.instant_s(number), sensors))
         if number >= scenario.warmup_cycles:
             yield plan.instant_s(number), tracks
 

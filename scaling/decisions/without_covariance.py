@@ -18,7 +18,7 @@ from coastwatch.associations import AssociationInput, Associator
 from coastwatch.batches import RadarCorrections, Tracks
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.track_pairs import PairScores, TruePairs
-from coastwatch.stage import serial
+from coastwatch.stage import Running, serial
 from coastwatch.tracks import AisInput, RegionInput
 from scaling.load.seeds import seed_range
 
@@ -46,7 +46,7 @@ def run(scenario: Scenario, seed: int, methods: dict[str, Any]) -> dict[str, Pai
         now_s = plan.instant_s(cycle)
         reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
         converted, plots = scenario.plots.step(converted, reports.radar, sensors, none)
-        radar, (radar_tracks, *_) = scenario.tracks.step(radar, RegionInput.of_plots(plots, now_s, sensors))
+        radar, (radar_tracks, *_) = Running(scenario.tracks, radar).next(RegionInput.of_plots(plots, now_s, sensors))
         ais, (ais_tracks, _, _) = scenario.ais_tracks.step(ais, AisInput(reports.ais, now_s, sensors))
         unknown = replace(ais_tracks, covariance=np.full_like(ais_tracks.covariance, np.nan))
         tracks = scenario.alignment.step(Tracks.join([radar_tracks, unknown]), now_s)

@@ -89,7 +89,7 @@ class StartStates(Method):
         first_s, vessels = plan.instant_s(self.lead_in), len(path)
         truth = Trajectories(
             vessel=np.arange(vessels),
-            time_s=first_s + STEP_S * np.arange(path.shape[1]),
+            time_s=first_s + STEP_S * np.arange(path.shape[1], dtype=np.float64),
             position_deg=from_plane(path[..., :2], site_deg),
             velocity_m_s=path[..., 2:],
             present=np.hypot(path[..., 0], path[..., 1]) <= reach_m,

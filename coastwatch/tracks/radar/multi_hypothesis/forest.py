@@ -72,10 +72,10 @@ class ForestMemory(Struct):
 
     leaves: Leaves
     trees: Trees
-    best: Ints = column(np.int64, "K")  # row of the chosen leaf of each tree
     preliminary: Preliminary
     waiting: Messages  # that are newer than the newest look
     decided: Decided  # in the newest cycle
+    best: Ints = column(np.int64, "K")  # row of the chosen leaf of each tree
     single_m: Floats = column(np.float64, "Z", 2)  # plots of the newest look that may be the first of a track
     look_s: Floats = column(np.float64, "W")  # of the looks of the window, -inf before the first
     next_number: int = 1
@@ -99,7 +99,8 @@ class ForestMemory(Struct):
             updated_s=np.zeros(0),
         )
         trees, preliminary = Trees.empty(), Preliminary.empty()
-        return cls(leaves, trees, none, preliminary, Messages.empty(), Decided.empty(), np.zeros((0, 2)), np.full(w, -np.inf))
+        waiting, decided = Messages.empty(), Decided.empty()
+        return cls(leaves, trees, preliminary, waiting, decided, none, np.zeros((0, 2)), np.full(w, -np.inf))
 
     def check_rows(self) -> None:
         """Check the rows of trees and leaves, as after reading a checkpoint. Raises: ValueError."""

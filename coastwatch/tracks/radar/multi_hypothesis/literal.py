@@ -6,9 +6,10 @@ Source: E. Liland, AIS aided multi hypothesis tracker, master thesis, NTNU, 2017
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from coastwatch import kernels
@@ -35,11 +36,11 @@ from coastwatch.tracks.radar.region import RegionInput, RegionOutput
 from coastwatch.tracks.radar.report import Reported, report, report_measurements
 
 AHEAD_S = 5.0  # a plot stamped more than this after the cycle is dropped
-ROUNDS, NODES = (
-    100,
-    200_000,
-)  # of the solver: so many nodes that the choice is nearly always proven, as of the solver of the thesis
+ROUNDS = 100  # of prices, in the solver
+NODES = 200_000  # of the solver: so many that the choice is nearly always proven, as of the solver of the thesis
 SENDERS_A_TREE = 0.5  # of the density of foreign reports
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 class _Taken(NamedTuple):
@@ -154,7 +155,7 @@ class MultiHypothesisLiteral(Method, InitiationSettings):
             memory.preliminary,
             memory.single_m,
             (look.position_m[~used], self.plot_sigma_m**2),
-            LookReports(*(column[~heard] for column in reports)),
+            LookReports._make(column[~heard] for column in reports),
             (elapsed_s, self.process_noise),
         )
         memory = replace(
@@ -298,7 +299,7 @@ class MultiHypothesisLiteral(Method, InitiationSettings):
         return report(now, said, radars, time_s, sensors, region)
 
 
-def _shifted(before: Floats, new: Floats) -> Floats:
+def _shifted(before: NDArray[Scalar], new: NDArray[Scalar]) -> NDArray[Scalar]:
     """Columns of the window with those of a new look behind. Args: before: (L, W, ...); new: (L, ...)."""
     return np.concatenate([before[:, 1:], new[:, None]], axis=1)
 
