@@ -1,6 +1,7 @@
 """Flags of vessels that an operator should look at: who decides that a vessel is dark, and the other flags.
 
-- DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS.
+- DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS, or
+  lies among ships at anchor: near `anchorage_ships` or more that send AIS.
 - AIS_WITHOUT_RADAR: no radar, and AIS reports still `unseen_after_s` later, where a radar detects most vessels (`AisDetection`).
   A vessel that no report has placed there since may have left: a report of minutes ago does not contradict the radar.
 - AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart, where a radar
@@ -24,7 +25,7 @@ from coastwatch import kernels
 from coastwatch.batches import AisAlarms, AisDetection, Bools, Flag, Floats, Ints, NavStatus, Picture, Tracks
 from coastwatch.batches.ais_codes import AIS_SART, EPIRB, MAN_OVERBOARD, is_vessel
 from coastwatch.batches.sensor_cover import SensorCover, sensor_covers
-from coastwatch.geodesy import KNOT_M_S, difference_m
+from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred
 from coastwatch.picture.former_names import AisNow, AisPast, had_ais
 from coastwatch.picture.inputs import PictureInput
 from coastwatch.picture.match import IdentityMatch
@@ -103,6 +104,8 @@ def flag(
     flags[stationary] |= int(Flag.STATIONARY)
     dark = np.flatnonzero(time_s - no_ais_since_s >= settings.dark_after_s)
     never_sent = stationary[dark] & (picture.mmsi[dark] < 0) & ~had_ais(settings, past, picture.vessel_id[dark])
+    at_anchor = now.has_ais & (stationary | np.isin(picture.nav_status, (NavStatus.AT_ANCHOR, NavStatus.MOORED)))
+    never_sent[never_sent] = ~_in_anchorage(settings, picture.position_deg[dark[never_sent]], picture.position_deg[at_anchor])
     flags[dark[~never_sent]] |= int(Flag.DARK)
     flags[now.heard_s - no_radar_since_s >= settings.unseen_after_s] |= int(Flag.AIS_WITHOUT_RADAR)
     contradicted = _contradicted(settings, pairs, tracks, time_s)
@@ -171,6 +174,17 @@ def _stationary(
     anchor_deg[rows], since_s[rows] = memory.anchor_deg[before], memory.anchor_since_s[before]
     needed_s = np.maximum(settings.stationary_after_s, radius_m / (settings.under_way_kn * KNOT_M_S))
     return anchor_deg, since_s, time_s - since_s >= needed_s
+
+
+def _in_anchorage(settings: IdentitySettings, position_deg: Floats, at_anchor_deg: Floats) -> Bools:
+    """Which positions (N, 2) have `anchorage_ships` of the ships at anchor (S, 2) within `anchorage_m`. (N,)"""
+    from scipy.spatial import cKDTree
+
+    if not len(position_deg) or not len(at_anchor_deg):
+        return np.zeros(len(position_deg), np.bool_)
+    ships = cKDTree(earth_centred(at_anchor_deg))
+    near = ships.query_ball_point(earth_centred(position_deg), settings.anchorage_m, return_length=True)
+    return np.asarray(near >= settings.anchorage_ships)
 
 
 def _track_pairs(

@@ -68,11 +68,12 @@ class Identity(IdentitySettings):
         now = AisNow.of(tracks, track_memory.vessel, given.sensors.ais_source, len(picture))
         past = next_past(memory.ais_past, picture, known.hidden.vessel_id, now, time_s)
         picture, known = _without_outdated(picture, known, past, now)
-        flag_memory, flags = flag(self, memory.flags, match, order, picture, past, now, given)
         status = nav_statuses(picture.nav_status, tracks, track_memory.vessel, given.alarms)
+        picture = replace(picture, nav_status=status)
+        flag_memory, flags = flag(self, memory.flags, match, order, picture, past, now, given)
         flags |= ais_flags(picture.mmsi, status) | name_flags(self, past, picture, now, time_s)
         existence = existence_of(tracks, track_memory.vessel, len(picture))
-        picture = replace(picture, flags=flags, nav_status=status, existence=existence)
+        picture = replace(picture, flags=flags, existence=existence)
         next_id = memory.next_id + int((match.vessel_of_group < 0).sum())
         confirmations, confirmed = confirm(
             self, memory.confirmations, tracks, track_memory.vessel, len(picture), time_s, given.sensors

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from coastwatch.stage import Method, NotNegative, Positive, PositiveShare, Share
+from coastwatch.stage import Count, Method, NotNegative, Positive, PositiveShare, Share
 
 
 class IdentitySettings(Method):
@@ -28,6 +28,8 @@ class IdentitySettings(Method):
     stationary_m: NotNegative = 25.0  # what has moved less, or less than its noise, may be stationary
     stationary_after_s: NotNegative = 120.0  # how long it must have stayed there
     under_way_kn: Positive = 1.0  # and so long that a vessel of this speed would have left
+    anchorage_ships: Count = 3  # at anchor with AIS, among which a stationary vessel that never sent AIS is dark
+    anchorage_m: NotNegative = 1000.0  # at most, to these
     cover_margin: PositiveShare = 0.95  # share of a sensor's range that counts as covered
     confirmed_share: Share = (
         0.0  # of its time that others confirm a track of a radar inside the range of another region's; 0: it is shown anyway

@@ -17,7 +17,7 @@ from coastwatch.batches import (
     SourceKind,
     Tracks,
 )
-from coastwatch.geodesy import difference_m, within_any
+from coastwatch.geodesy import difference_m, earth_centred, within_any
 from coastwatch.picture import Identity
 
 
@@ -74,7 +74,10 @@ def flags_of(
     flags = picture.flags.copy()
     anchor_deg, anchor_since_s, stays = _anchored(settings, memory, picture, at, time_s)
     flags |= np.where(stays, int(Flag.STATIONARY), 0)
-    silent = (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1) & ~had_ais)
+    ships = picture.position_deg[has_ais & (stays | np.isin(picture.nav_status, (1, 5)))]
+    apart_m = [np.linalg.norm(earth_centred(ships) - earth_centred(one), axis=1) for one in picture.position_deg]
+    among = np.array([(one <= settings.anchorage_m).sum() >= settings.anchorage_ships for one in apart_m], np.bool_)
+    silent = (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1) & ~had_ais & ~among)
     flags |= np.where(silent, int(Flag.DARK), 0)
     is_ais = kinds == SourceKind.AIS
     newest_s = np.array([np.max(tracks.updated_s[is_ais & (row == k)], initial=-np.inf) for k in range(len(picture))])

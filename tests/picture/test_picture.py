@@ -269,6 +269,17 @@ def test_what_stays_is_stationary_and_dark_only_if_it_once_had_ais(monkeypatch):
     assert flagged(silenced, Flag.DARK)[-1]
 
 
+def test_what_never_sent_ais_is_dark_among_three_ships_at_anchor(monkeypatch):
+    monkeypatch.setattr(sys.modules[__name__], "EAST_M_S", 0.0)
+
+    def is_dark(*east_m):
+        ships = [(10 + k, 2, 1 + k, east, 235000001 + k, 6 + k) for k, east in enumerate(east_m)]
+        return flagged(play([[RADAR, *ships]] * 60), Flag.DARK)[-1]
+
+    assert is_dark(400.0, 700.0, 990.0)
+    assert not is_dark(400.0, 700.0, 1010.0)
+
+
 def test_what_a_vessel_of_one_knot_could_leave_is_no_proof_of_rest(monkeypatch):
     """With 100 m of noise a vessel at 1 kn needs ten minutes to be seen moving."""
     monkeypatch.setattr(sys.modules[__name__], "EAST_M_S", 0.0)

@@ -36,6 +36,8 @@ PATIENT = SHORT.model_copy(
         "stationary_m": 12.0,
         "stationary_after_s": 3.0,
         "under_way_kn": 40.0,
+        "anchorage_m": 6000.0,
+        "anchorage_ships": 2,
     }
 )
 

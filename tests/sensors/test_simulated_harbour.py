@@ -7,6 +7,7 @@ import pytest
 from pydantic import ValidationError
 from simulated_world import CENTRE_DEG, recorded, sensors
 
+from coastwatch.batches import NavStatus
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, to_plane
 from coastwatch.sensors.simulated.ais import AisTruth
 from coastwatch.sensors.simulated.harbour import Anchorages, Lanes, Row, StandingEchoes
@@ -62,6 +63,22 @@ def test_anchored_and_moored_vessels_lie_still_and_the_first_are_moored():
     assert np.abs(at[:, 0]).max() <= 200.0
     assert np.abs(at[:, 1]).max() <= 5.1
     assert (truth.position_deg[:6, 0] == truth.position_deg[:6, -1]).all()
+
+
+def test_each_vessel_of_an_anchorage_has_a_place_of_its_own():
+    lie = Anchorages(share=1.0, count=2, berth_share=0.9)
+    at = to_plane(recorded(count=80, cycles=1, anchorages=lie).truth.position_deg[:, 0], CENTRE_DEG)
+    apart = np.linalg.norm(at[:, None] - at, axis=2) + 1e9 * np.eye(80)
+    assert apart.min() > 68.9
+    with pytest.raises(ValueError, match="got 40 vessels, needed about 39 at most"):
+        recorded(count=40, cycles=1, anchorages=lie.model_copy(update={"count": 1, "berth_share": 1.0}))
+
+
+def test_class_a_says_that_it_is_at_anchor():
+    ais = recorded(count=60, anchorages=Anchorages(share=0.5), motion=STILL, ais=AisTruth(class_b_share=0.3)).reports.ais
+    said = np.where(ais.class_b, -1, np.where(ais.sog_kn < 2.0, NavStatus.AT_ANCHOR, NavStatus.UNDER_WAY_USING_ENGINE))
+    assert (ais.nav_status == said).all()
+    assert len(np.unique(said)) == 3
 
 
 def test_other_vessels_are_what_they_were():

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from coastwatch.batches import AisReports, Bools, Floats, Ints, Stations
+from coastwatch.batches import AisReports, Bools, Floats, Ints, NavStatus, Stations
 from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, offset_deg, to_plane
 from coastwatch.sensors.simulated.trajectories import chosen
@@ -21,7 +21,7 @@ TRANSPONDERS, PHASE, NOISE, LOSS, LATENCY, SILENCE, SPOOFING, CLONES, GAPS = 21,
 StateAt = Callable[[Ints, Floats], tuple[Floats, Floats]]
 POSITION_STEP_DEG = 1.0 / 600_000.0  # 1/10 000 minute
 SOG_STEP_KN, COG_STEP_DEG, SOG_MOST_KN = 0.1, 0.1, 102.2
-AT_ANCHOR_KN, ANCHORED_S = 0.01, 180.0  # a vessel at rest counts as moored or at anchor
+AT_ANCHOR_KN, ANCHORED_S = 0.01, 180.0  # a vessel at rest is at anchor; those of class A say so, and report this often
 TURNING_RAD_S = np.radians(5.0) / 15.0  # heading more than 5 deg off its mean over the last 30 s
 # Upper speed in knots: seconds between reports on a steady course, and while turning (class B has no such rule).
 CLASS_A = ((14.0, 10.0, 10.0 / 3.0), (23.0, 6.0, 2.0), (np.inf, 2.0, 2.0))
@@ -132,6 +132,7 @@ def transmit(
     who, time = _times(truth, senders, state, start_s, stop_s, seed)
     elapsed = time - start_s
     position, velocity = state(senders.row[who], time)
+    at_rest = np.hypot(velocity[:, 0], velocity[:, 1]) < AT_ANCHOR_KN * KNOT_M_S
     received = np.isfinite(position[:, 0]) & within(stations, position)
     received &= np.random.default_rng([seed, LOSS]).random(len(who)) >= truth.loss
     until = np.inf if truth.silent_to_s is None else truth.silent_to_s
@@ -158,6 +159,7 @@ def transmit(
         cog_deg=cog,
         class_b=senders.class_b[who],
         origin=senders.row[who],
+        nav_status=np.where(senders.class_b[who], -1, np.where(at_rest, NavStatus.AT_ANCHOR, NavStatus.UNDER_WAY_USING_ENGINE)),
     ).take(received & (time + delay <= stop_s))
     return made.take(np.lexsort((made.mmsi, made.time_s, made.received_s)))
 

@@ -8,10 +8,11 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field, model_validator
+from scipy.spatial import cKDTree
 
 from coastwatch.batches import Floats, Ints
 from coastwatch.errors import InputError
-from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg, scale_m_deg, wrap_deg
+from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, earth_centred, offset_deg, scale_m_deg, wrap_deg
 from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, VesselMotion
 from coastwatch.stage import Latitude, Longitude, Settings, Share
 
@@ -19,6 +20,8 @@ HARBOUR, STANDING = 63, 64  # streams of random numbers: a change of one does no
 SWAYS = 12  # of a vessel to the sides, on one way along its lane
 BERTH_M = 70.0  # between berths of an anchorage
 BERTHS = 13  # in a line of them
+APART_M = 69.0  # at least, between vessels of anchorages: a little less than between berths
+TRIES = 100  # draws of places before anchorages are refused as too small
 CLUSTER_ECHOES, CLUSTER_M = 5, 120.0  # standing echoes of a cluster and their standard deviation about its middle, per axis
 
 
@@ -47,7 +50,7 @@ class Lanes(Settings):
 
 
 class Anchorages(Settings):
-    """Round anchorages whose vessels lie still."""
+    """Round anchorages whose vessels lie still, each at a place of its own."""
 
     share: Share = 0.0  # of the vessels that are not moored lie at anchor
     count: Annotated[int, Field(ge=1, le=100)] = 3  # number of anchorages; the middle of each is drawn over the area
@@ -145,11 +148,23 @@ def in_harbour(
 
 
 def _at_anchor(anchorages: Anchorages, area: Area, count: int, rng: np.random.Generator) -> Floats:
-    """Positions of vessels at anchor. (count, 2) deg"""
-    middle = area.drawn(rng, anchorages.count)[rng.integers(0, anchorages.count, count)]
-    berth = BERTH_M * np.column_stack([rng.integers(0, BERTHS, count) - BERTHS // 2, rng.integers(0, 3, count)])
-    spread = anchorages.spread_m * rng.standard_normal((count, 2))
-    return offset_deg(middle, np.where((rng.random(count) < anchorages.berth_share)[:, None], berth, spread))
+    """Positions of vessels at anchor, no two nearer than APART_M. (count, 2) deg
+
+    Raises: InputError where so many do not find a place.
+    """
+    middles, found = area.drawn(rng, anchorages.count), np.zeros((0, 2))
+    for _ in range(TRIES):
+        left = count - len(found)
+        middle = middles[rng.integers(0, anchorages.count, left)]
+        berth = BERTH_M * np.column_stack([rng.integers(0, BERTHS, left) - BERTHS // 2, rng.integers(0, 3, left)])
+        spread = anchorages.spread_m * rng.standard_normal((left, 2))
+        at_berth = rng.random(left) < anchorages.berth_share
+        found = np.concatenate([found, offset_deg(middle, np.where(at_berth[:, None], berth, spread))])
+        pairs = cKDTree(earth_centred(found)).query_pairs(APART_M, output_type="ndarray")
+        found = np.delete(found, pairs[:, 1], axis=0)
+        if len(found) == count:
+            return found
+    raise InputError(f"input.anchorages: got {count} vessels, needed about {len(found)} at most, or larger or more anchorages")
 
 
 def _at_rest(rows: Ints, position_deg: Floats) -> tuple[Ints, dict[str, Floats]]:
