@@ -11,7 +11,7 @@ import numpy as np
 from coastwatch.alarms.close_approach import Approaching, close_pairs
 from coastwatch.alarms.lasting import KEYS, AlarmSettings, Holding, Lasting, Raised, extend
 from coastwatch.alarms.silent_sensors import sensor_alarms, standing
-from coastwatch.alarms.watched import AIS, RADAR, Seen, Watched, look
+from coastwatch.alarms.watched import AIS, RADAR, Seen, Watched, watch_vessels
 from coastwatch.alarms.zone_alarms import Numbered, Shape, ZoneMemory, shapes, zone_alarms
 from coastwatch.batches import (
     AlarmKind,
@@ -71,7 +71,7 @@ class AlarmRules(AlarmSettings):
         """The alarms that hold in this cycle."""
         picture, members, time_s, sensors, zones, cover, hearing = given
         zone_shapes = shapes(zones, self.zone_margin_m)
-        seen = look(self, memory.watched, picture, members, memory.members, sensors, time_s)
+        seen = watch_vessels(self, memory.watched, picture, members, memory.members, sensors, time_s)
         zone_memory, raised = zone_alarms(self, memory.zones, seen, zone_shapes, time_s)
         followed, close, approaching = self._close(memory, seen, time_s)
         dragging, anchored = self._dragging(memory.dragging, seen, time_s)

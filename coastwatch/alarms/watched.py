@@ -64,7 +64,7 @@ class Seen:
     away_m: Floats  # (R,) from the anchorage
 
 
-def look(
+def watch_vessels(
     settings: AlarmSettings,
     before: Watched,
     picture: Picture,

@@ -26,7 +26,7 @@ from coastwatch.registration.polar import (
     polar_measurements,
     sweeps,
 )
-from coastwatch.registration.reference_cells import AROUND, AT_REST_M_S, Grid, ReferenceCells, Seen, look, squares
+from coastwatch.registration.reference_cells import AROUND, AT_REST_M_S, Grid, ReferenceCells, Seen, count_looks, squares
 from coastwatch.registration.references import References, draw_references, id_hash
 from coastwatch.registration.residuals import GATE_M, GATE_SIGMAS, EchoShares, forgotten, plot_equations
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
@@ -125,7 +125,9 @@ class OnlineRegistration(Method):
         is_reference = self._reference_vessels(vessels, memory.acquisition.found)
         search = self._search(vessels, is_reference, memory.estimate, corrections, sensors)
         pairs = pair_with_vessels(measured, swept, vessels, corrections, search, sensors)
-        group, reference_cells = self._look(memory.reference_cells, vessels, is_reference, pairs, measured, swept, dt, sensors)
+        group, reference_cells = self._count_looks(
+            memory.reference_cells, vessels, is_reference, pairs, measured, swept, dt, sensors
+        )
         seen = np.bincount(vessels.radar, minlength=len(sensors.radars))
         acquisition, reference_cells = decide_all(
             memory.acquisition, reference_cells, memory.estimate.mean, seen, time_s, self._rules(), sensors
@@ -209,7 +211,7 @@ class OnlineRegistration(Method):
         centre = np.where(is_reference[:, None], 0.0, estimate.mean[r][:, [1, 0]])
         return Search(centre, np.where(is_reference[:, None], wide, gate))
 
-    def _look(
+    def _count_looks(
         self,
         reference_cells: tuple[ReferenceCells, ...],
         compared: ComparedVessels,
@@ -236,7 +238,7 @@ class OnlineRegistration(Method):
             of_radar = replace(pairs, vessel=at).take(at >= 0)
             period_s = float(radars.period_s[k])
             turns = dt / period_s if dt > 0.0 else 1.0
-            after.append(look(mine, seen, of_radar, measured.time_s[of_radar.plot], turns, period_s, self._grid()))
+            after.append(count_looks(mine, seen, of_radar, measured.time_s[of_radar.plot], turns, period_s, self._grid()))
         return np.where(at_rest, square, vessels.track_id), tuple(after)
 
     def _drifts(self, information: Information, acquisition: Acquisition, estimate: Estimate) -> Bools:

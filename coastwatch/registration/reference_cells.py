@@ -123,7 +123,7 @@ def squares(position_m: Floats) -> Ints:
     return number
 
 
-def look(
+def count_looks(
     reference_cells: ReferenceCells, seen: Seen, pairs: Pairs, stamp_s: Floats, turns: float, period_s: float, grid: Grid
 ) -> ReferenceCells:
     """The reference cells after a cycle. The order of pairs has no effect.

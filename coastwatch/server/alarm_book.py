@@ -150,7 +150,7 @@ class AlarmBook:
             self._first = self._number + 1
         self._tell(True)
 
-    def take(self, changes: EventChanges) -> None:
+    def apply(self, changes: EventChanges) -> None:
         """Take what a cycle has changed in the events."""
         news: list[tuple[What, Alarm]] = []
         with self._lock:

@@ -45,7 +45,7 @@ class Follower:
     def _follow(self) -> None:
         while not self._stop.is_set():
             try:
-                self._look()
+                self._read_changes()
                 self.error = None
             except StoreError as error:  # a database that is away may come back
                 self.error = str(error)
@@ -55,7 +55,7 @@ class Follower:
             self._woken.wait(self._poll_s)
             self._woken.clear()
 
-    def _look(self) -> None:
+    def _read_changes(self) -> None:
         """Read the picture if there is a newer one, and what has changed of the alarms."""
         newest = store.newest_picture(self._store, self._run_id)
         if newest is None:

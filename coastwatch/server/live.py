@@ -274,7 +274,7 @@ class LiveRun:
         merge_statics(self._statics, done.reports.statics)
         if len(self._statics) > MOST_STATICS:
             self._statics = without_absent(self._statics, cycle.picture.mmsi)
-        self.alarms.take(cycle.events)
+        self.alarms.apply(cycle.events)
         self._left_out |= {stage: (count, clock.now_s()) for stage, count in cycle.left_out.items()}
         self.seconds, self._status = done.seconds, None
         self._on_picture(of_cycle(done.run_id, done.number, cycle, self._sensors, self._statics))

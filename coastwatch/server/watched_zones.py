@@ -35,15 +35,15 @@ class WatchedZones:
     def now(self) -> tuple[Numbered, ...]:
         """The zones with their numbers. While the database is away or slow they stay as they were: the cycle waits for `WAIT_S`."""
         if self._reader is None:  # a database in memory is that of its thread
-            self._read()
+            self._read_stored()
             return self._zones
         if self._reading is None or self._reading.done():
-            self._reading = self._reader.submit(self._read)
+            self._reading = self._reader.submit(self._read_stored)
         with suppress(TimeoutError):
             self._reading.result(WAIT_S)
         return self._zones
 
-    def _read(self) -> None:
+    def _read_stored(self) -> None:
         """Read the zones if one was changed."""
         with suppress(StoreError):
             version = store.zone_version(self._store, self._scenario.name)

@@ -17,7 +17,7 @@ import numpy as np
 
 from coastwatch.alarms import AlarmInput, AlarmRules, Zone, numbered
 from coastwatch.alarms.close_approach import close_pairs
-from coastwatch.alarms.watched import look
+from coastwatch.alarms.watched import watch_vessels
 from coastwatch.alarms.zone_alarms import shapes, zone_alarms
 from coastwatch.batches import Flag, Members, Picture, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, offset_deg
@@ -76,7 +76,7 @@ def main() -> None:
         when, none = np.full(vessels, time_s), np.full(vessels, -1)
         picture = Picture(ids, when, place, velocity, covariance, np.full(vessels, 1e9 - 3600.0), when, ids, flags, none)
         marks = [process_time()]
-        seen = look(rules, memory.watched, picture, members, memory.members, sensors, time_s)
+        seen = watch_vessels(rules, memory.watched, picture, members, memory.members, sensors, time_s)
         marks.append(process_time())
         zone_alarms(rules, memory.zones, seen, shapes(zones, rules.zone_margin_m), time_s)
         marks.append(process_time())

@@ -81,7 +81,7 @@ def test_before_a_run_nothing_is_said_to_be_gone() -> None:
         done, _ = await asyncio.wait([first], timeout=0.2)
         assert not done
         service.book.begin(1)
-        service.book.take(begun("man_overboard", [OVERBOARD], 11.0))
+        service.book.apply(begun("man_overboard", [OVERBOARD], 11.0))
         assert (await asyncio.wait_for(first, 20.0)).startswith(b"id: ")
         await chunks.aclose()
 
@@ -91,11 +91,11 @@ def test_before_a_run_nothing_is_said_to_be_gone() -> None:
 def test_what_begins_while_a_long_list_is_sent_comes_with_the_next_portion_and_nothing_is_lost() -> None:
     async def main() -> None:
         service: Any = FromBook()
-        service.book.take(begun("dark", range(1, 5001), 10.0))
+        service.book.apply(begun("dark", range(1, 5001), 10.0))
         chunks = AlarmStream(service).events("", lambda: True, 60.0)
         first = await told(chunks, 1)
         assert [kind for part in first for kind, _, _ in part][:2] == ["run", "alarm"]
-        service.book.take(begun("man_overboard", [OVERBOARD], 11.0))
+        service.book.apply(begun("man_overboard", [OVERBOARD], 11.0))
         next_ones = await told(chunks, 1)
         assert next_ones[0][0][1] == OVERBOARD, "before the others that wait"
         rest = await told(chunks, 5001 - sum(len(part) for part in (*first, *next_ones)) + 1)
@@ -107,7 +107,7 @@ def test_what_begins_while_a_long_list_is_sent_comes_with_the_next_portion_and_n
         assert ids[-1] == f"1-{service.book.number}-{alarm_stream.PROCESS}"
         assert max(len(part) for part in rest) <= alarm_stream.PORTION
 
-        service.book.take(begun("dark", range(6001, 6251), 12.0))
+        service.book.apply(begun("dark", range(6001, 6251), 12.0))
         more = (await told(chunks, 1))[0]
         assert len(more) == alarm_stream.PORTION
         again = await told(AlarmStream(service).events(more[-1][2], lambda: True, 60.0), 250)
@@ -126,8 +126,8 @@ def test_one_alarm_that_cannot_be_written_holds_up_no_other(monkeypatch: pytest.
         return rows_of(alarms)
 
     service.rows_of = broken
-    service.book.take(begun("dark", range(1, 20), 10.0))
-    service.book.take(begun("man_overboard", [OVERBOARD], 10.0))
+    service.book.apply(begun("dark", range(1, 20), 10.0))
+    service.book.apply(begun("man_overboard", [OVERBOARD], 10.0))
 
     async def main() -> set[int]:
         found = await told(AlarmStream(service).events("", lambda: True, 60.0), 19)
@@ -194,11 +194,11 @@ def test_a_hook_that_takes_no_other_message_is_told_of_a_man_overboard(trouble: 
         service: Any = FromBook()
         service.metrics = type("Metrics", (), {"webhooks": Counter("told", "messages", ["webhook", "count"], registry=None)})()
         async with webhooks.sending([WebHook(address)], AlarmStream(service), service, Backoff(1000.0, 1000.0)):
-            service.book.take(begun("dark", range(1, 4), 10.0))
+            service.book.apply(begun("dark", range(1, 4), 10.0))
             while not taken:
                 await asyncio.sleep(0.01)
             await asyncio.sleep(0.1)
-            service.book.take(begun("man_overboard", [OVERBOARD], 11.0))
+            service.book.apply(begun("man_overboard", [OVERBOARD], 11.0))
             async with asyncio.timeout(20.0):
                 while all(said["alarm"]["kind"] != "man_overboard" for said in taken):
                     await asyncio.sleep(0.01)
@@ -277,11 +277,11 @@ def _flooded_cycle(number: int, count: int) -> Any:
 
 def test_a_listener_of_a_real_stream_is_told_while_its_first_list_is_sent(changing: Served) -> None:
     wait_for(lambda: changing.service.book.run_id > 0)
-    changing.service.book.take(begun("dark", range(1, 10_001), 10.0))
+    changing.service.book.apply(begun("dark", range(1, 10_001), 10.0))
     with httpx.stream("GET", f"http://{changing.address}/api/v1/alarms/stream", timeout=30.0) as answer:
         seen = events(answer)
         next(seen)
-        changing.service.book.take(begun("man_overboard", [OVERBOARD], 11.0))
+        changing.service.book.apply(begun("man_overboard", [OVERBOARD], 11.0))
         found = {next(seen)["vessel_id"] for _ in range(10_000)}
     assert OVERBOARD in found
     assert len(found) == 10_000

@@ -18,8 +18,8 @@ from coastwatch.registration.reference_cells import (
     Hits,
     ReferenceCells,
     Seen,
+    count_looks,
     counted,
-    look,
     squares,
 )
 
@@ -51,7 +51,7 @@ def pairs_of(vessel, range_m, azimuth_rad):
 
 def looked(vessels, pairs, stamp_s, reference_cells=None):
     reference_cells = ReferenceCells.none() if reference_cells is None else reference_cells
-    return look(reference_cells, vessels, pairs, np.asarray(stamp_s, float), 1.0, PERIOD_S, GRID)
+    return count_looks(reference_cells, vessels, pairs, np.asarray(stamp_s, float), 1.0, PERIOD_S, GRID)
 
 
 def reference_cells_of(histogram, looks, cell, group):

@@ -40,9 +40,9 @@ def spans(*rows: tuple[int, str, float, float]) -> EventSpans:
 def test_an_alarm_begins_ends_returns_and_is_acknowledged() -> None:
     book = AlarmBook()
     book.begin(7)
-    book.take(begun((4, "dark", 100.0), (4, "coasting", 100.0)))
-    book.take(replace(EventChanges.empty(), ended=spans((4, "dark", 100.0, 103.0))))
-    book.take(replace(EventChanges.empty(), returned=spans((4, "dark", 100.0, 103.0))))
+    book.apply(begun((4, "dark", 100.0), (4, "coasting", 100.0)))
+    book.apply(replace(EventChanges.empty(), ended=spans((4, "dark", 100.0, 103.0))))
+    book.apply(replace(EventChanges.empty(), returned=spans((4, "dark", 100.0, 103.0))))
     alarm_id = id_of(AlarmKey(4, "dark", 0, 100.0))
     assert book.acknowledge(alarm_id, BY) is not None
     again = book.acknowledge(alarm_id, BY._replace(name="Bia"))
@@ -62,7 +62,7 @@ def test_an_alarm_begins_ends_returns_and_is_acknowledged() -> None:
 def test_a_run_that_is_begun_again_gives_all_its_alarms_anew_to_who_had_every_change() -> None:
     book = AlarmBook()
     book.begin(7)
-    book.take(begun((4, "dark", 100.0)))
+    book.apply(begun((4, "dark", 100.0)))
     assert book.since(7, 1) == []
     book.begin(7)  # from its checkpoint, which does not know the alarm
     assert book.since(7, 1) is None
@@ -73,8 +73,8 @@ def test_a_run_that_is_begun_again_gives_all_its_alarms_anew_to_who_had_every_ch
 def test_distress_comes_first_then_silent_sensors_danger_and_the_newest() -> None:
     book = AlarmBook()
     book.begin(1)
-    book.take(begun((1, "dark", 5.0), (2, "odd_mmsi", 9.0), (3, "man_overboard", 1.0), (4, "dark", 6.0), (5, "lost", 2.0)))
-    book.take(begun((0, "radar_silent", 3.0)))
+    book.apply(begun((1, "dark", 5.0), (2, "odd_mmsi", 9.0), (3, "man_overboard", 1.0), (4, "dark", 6.0), (5, "lost", 2.0)))
+    book.apply(begun((0, "radar_silent", 3.0)))
     assert [alarm.vessel_id for alarm in book.alarms()] == [3, 0, 5, 4, 1, 2]
     assert {PRIORITIES[kind] for kind in ("ais_sart", "man_overboard", "epirb")} == {DISTRESS}
     assert set(ALARM_KINDS) <= set(PRIORITIES)
@@ -83,8 +83,8 @@ def test_distress_comes_first_then_silent_sensors_danger_and_the_newest() -> Non
 def test_alarms_are_chosen_by_what_they_wait_for() -> None:
     book = AlarmBook()
     book.begin(1)
-    book.take(begun((1, "dark", 5.0), (2, "dark", 5.0), (3, "dark", 5.0)))
-    book.take(replace(EventChanges.empty(), ended=spans((2, "dark", 5.0, 8.0), (3, "dark", 5.0, 8.0))))
+    book.apply(begun((1, "dark", 5.0), (2, "dark", 5.0), (3, "dark", 5.0)))
+    book.apply(replace(EventChanges.empty(), ended=spans((2, "dark", 5.0, 8.0), (3, "dark", 5.0, 8.0))))
     for vessel in (1, 3):
         book.acknowledge(id_of(AlarmKey(vessel, "dark", 0, 5.0)), BY)
     found = {
@@ -97,7 +97,7 @@ def test_alarms_are_chosen_by_what_they_wait_for() -> None:
 def test_together_those_of_a_span_and_kind_are_acknowledged() -> None:
     book = AlarmBook()
     book.begin(1)
-    book.take(begun((1, "dark", 5.0), (2, "lost", 5.0), (3, "dark", 9.0), (4, "dark", 5.0004)))
+    book.apply(begun((1, "dark", 5.0), (2, "lost", 5.0), (3, "dark", 9.0), (4, "dark", 5.0004)))
     assert book.acknowledge_all(Beginnings(("dark",), None, 5.0, 5.0), BY, 0.0006) == 2
     assert book.acknowledge_all(Beginnings(("dark",), None, 5.0, 5.0), BY, 0.0006) == 0
     assert {alarm.vessel_id for alarm in book.alarms(Chosen(unacknowledged=True))} == {2, 3}
@@ -109,12 +109,12 @@ def test_with_too_many_the_acknowledged_the_least_urgent_and_the_oldest_are_forg
     monkeypatch.setattr(alarm_book, "MOST_ENDED", 100)
     book = AlarmBook()
     book.begin(1)
-    book.take(begun((9999, "man_overboard", 0.5), (9998, "dark", 0.5)))
-    book.take(replace(EventChanges.empty(), ended=spans((9999, "man_overboard", 0.5, 0.9))))
+    book.apply(begun((9999, "man_overboard", 0.5), (9998, "dark", 0.5)))
+    book.apply(replace(EventChanges.empty(), ended=spans((9999, "man_overboard", 0.5, 0.9))))
     for k in range(300):
         when = 1.0 + k
-        book.take(begun((k, "odd_mmsi", when)))
-        book.take(replace(EventChanges.empty(), ended=spans((k, "odd_mmsi", when, when + 0.5))))
+        book.apply(begun((k, "odd_mmsi", when)))
+        book.apply(replace(EventChanges.empty(), ended=spans((k, "odd_mmsi", when, when + 0.5))))
     kept = {alarm.vessel_id for alarm in book.alarms()}
     assert {9999, 9998} <= kept
     assert 299 in kept
@@ -127,7 +127,7 @@ def test_a_reader_that_is_too_far_behind_begins_with_all(monkeypatch: pytest.Mon
     book = AlarmBook()
     book.begin(1)
     for k in range(30):
-        book.take(begun((k, "dark", float(k))))
+        book.apply(begun((k, "dark", float(k))))
     assert book.since(1, 5) is None
     changes = book.since(1, book.first - 1)
     assert changes is not None

@@ -219,8 +219,8 @@ def test_the_thread_of_the_log_survives_a_defect(monkeypatch: pytest.MonkeyPatch
 def test_a_database_that_is_followed_with_a_defect_is_followed_again(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     taken: list[Any] = []
     follower = Follower(served.store, None, taken.append, 0.2)
-    look, _ = fails_first(follower._look)
-    monkeypatch.setattr(follower, "_look", look)
+    look, _ = fails_first(follower._read_changes)
+    monkeypatch.setattr(follower, "_read_changes", look)
     with follower:
         wait_for(lambda: follower.error == DEFECT)
         wait_for(lambda: taken and follower.error is None)

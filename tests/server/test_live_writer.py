@@ -305,7 +305,7 @@ def test_what_is_acknowledged_before_its_cycle_is_handed_over_is_written_after_i
         wait_for(lambda: writer.is_idle)
         for number, vessel in ((1, A), (2, B)):
             one = record(number, memory, flagged=vessel)
-            book.take(one.cycle.events)
+            book.apply(one.cycle.events)
             (alarm,) = [alarm for alarm in book.alarms() if alarm.vessel_id == vessel]
             if vessel == A:
                 assert service.acknowledge(alarm.alarm_id, "Ana", "", "loopback") is not None

@@ -25,7 +25,7 @@ def test_the_alarm_is_stored_asked_for_and_in_the_book(tmp_path: Path) -> None:
     book.begin(1)
 
     def take(cycle: Cycle) -> None:
-        book.take(cycle.events)
+        book.apply(cycle.events)
 
     made = run_scenario(
         load_scenario("guanabara", SETTINGS), seed=SEED, database=url(tmp_path / "silent.db"), workers=1, on_cycle=take

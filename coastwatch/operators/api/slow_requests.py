@@ -152,9 +152,9 @@ class _Watched(asyncio.Protocol):
 
     def _look_soon(self) -> None:
         self._left = self._transport.get_write_buffer_size()
-        self._unread = asyncio.get_running_loop().call_later(UNREAD_S, self._look)
+        self._unread = asyncio.get_running_loop().call_later(UNREAD_S, self._end_if_unread)
 
-    def _look(self) -> None:
+    def _end_if_unread(self) -> None:
         """Close the connection if nothing was read since the last look."""
         if self._transport.get_write_buffer_size() >= self._left:
             self._guard.end(self._client, self._transport, SLOW)

@@ -59,7 +59,7 @@ class _Sender:
         counts = ("sent", "retried", "failed", "dropped")
         self._count = {name: service.metrics.webhooks.labels(hook.name, name) for name in counts}
 
-    def take(self, messages: Sequence[tuple[str, _Message]]) -> None:
+    def enqueue(self, messages: Sequence[tuple[str, _Message]]) -> None:
         """Let messages wait, if the hook wants their kinds. Distress waits for no other message.
 
         Args: messages: with the kind of the alarm.
@@ -154,7 +154,7 @@ async def sending(
             for k in range(0, len(due), PORTION):
                 messages = _messages(service, due[k : k + PORTION])
                 for sender in senders:
-                    sender.take(messages)
+                    sender.enqueue(messages)
                 await asyncio.sleep(0.0)
 
     tasks = [asyncio.create_task(job) for job in ([follow()] if senders else [])]

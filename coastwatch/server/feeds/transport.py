@@ -214,7 +214,7 @@ class _Room:
                 self._silent.move_to_end(sender)
 
         try:
-            await _read(inbox, reader, sender, heard)
+            await _read_stream(inbox, reader, sender, heard)
         except Exception as error:
             inbox.error = str(error) or type(error).__name__
         except asyncio.CancelledError:
@@ -234,13 +234,15 @@ async def _connected(inbox: Inbox) -> None:
     inbox.opened()
     notice_loss(writer.get_extra_info("socket"))
     try:
-        await _read(inbox, reader, inbox.new_sender())
+        await _read_stream(inbox, reader, inbox.new_sender())
         inbox.error = "the sender closed the connection"
     finally:
         writer.close()
 
 
-async def _read(inbox: Inbox, reader: asyncio.StreamReader, sender: int, heard: Callable[[], None] = lambda: None) -> None:
+async def _read_stream(
+    inbox: Inbox, reader: asyncio.StreamReader, sender: int, heard: Callable[[], None] = lambda: None
+) -> None:
     """Read lines to the end of a stream. A line that is too long is dropped up to its end. Args: heard: called when something came."""
     rest = b""
     while data := await reader.read(READ_BYTES):

@@ -116,14 +116,14 @@ class Subscription(Connection):
     def _session(self) -> None:
         """As of `Connection`."""
         try:
-            asyncio.run(self._take())
+            asyncio.run(self._receive_cycles())
         except Error as error:
             raise OSError(str(error) or type(error).__name__) from error
 
     def _acknowledge(self, position: Position) -> None:
         """The stream needs none: the centre keeps its position with its cycles."""
 
-    async def _take(self) -> None:
+    async def _receive_cycles(self) -> None:
         name, self._parts = self.address.stream, []
         async with _opened(self.address) as client:
             stream = client.jetstream()

@@ -83,7 +83,7 @@ class Question(NamedTuple):
 
 def operator_queries() -> dict[str, Question]:
     """Every question by its name, sorted."""
-    return {path.stem: _read(path) for path in sorted(operator_queries_folder().glob("*.sql"))}
+    return {path.stem: _read_question(path) for path in sorted(operator_queries_folder().glob("*.sql"))}
 
 
 def operator_query(
@@ -134,7 +134,7 @@ def limits(key: str) -> tuple[float, float]:
     return LIMITS.get(key) or LIMITS.get(key.rsplit("_", 1)[-1], (float("-inf"), float("inf")))
 
 
-def _read(path: Path) -> Question:
+def _read_question(path: Path) -> Question:
     lines = path.read_text("utf-8").splitlines()
     comments = [line for line in lines if line.startswith("--")]
     parameters = [

@@ -67,7 +67,7 @@ class Autoferry(Method):
 
         Raises: FileNotFoundError that names the folder; InputError for a file that is not JSON.
         """
-        frames, truth, faults = self._read()
+        frames, truth, faults = self._recorded()
         tally = Tally()
         radar, bearing = _radar_reports(frames, self, sensors, tally), _bearing_reports(frames, self, sensors, tally)
         instants = plan.start_s + plan.period_s * np.arange(plan.cycles + 1, dtype=np.float64)
@@ -77,13 +77,13 @@ class Autoferry(Method):
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last arrival."""
-        frames, _, faults = self._read()
+        frames, _, faults = self._recorded()
         return span_of(frames.received_s, faults=faults)
 
-    def _read(self) -> tuple[_Returns, tuple[_Fixes, ...], tuple[Fault, ...]]:
+    def _recorded(self) -> tuple[_Returns, tuple[_Fixes, ...], tuple[Fault, ...]]:
         folder = data_folder(self.root, "autoferry") / f"scenario{self.scenario}"
         names = tuple(folder / f"scenario{self.scenario}_{part}.json.gz" for part in ("detections", "groundTruth"))
-        return _read(fingerprint(names))
+        return _read_files(fingerprint(names))
 
 
 class _Returns(NamedTuple):
@@ -107,7 +107,7 @@ class _Fixes(NamedTuple):
 
 
 @lru_cache(maxsize=1)
-def _read(files: Fingerprint) -> tuple[_Returns, tuple[_Fixes, ...], tuple[Fault, ...]]:
+def _read_files(files: Fingerprint) -> tuple[_Returns, tuple[_Fixes, ...], tuple[Fault, ...]]:
     tally = Tally()
     detections, truth = (_objects(path) for path, _, _ in files)
     name = files[0][0].name

@@ -67,7 +67,7 @@ class Solent(Method):
 
         Raises: FileNotFoundError that names the folder; InputError for an unknown radar name or an MMSI that is not recorded.
         """
-        fixes, paths, faults = self._read()
+        fixes, paths, faults = self._recorded()
         stop_s = plan.instant_s(plan.cycles - 1)
         truth = _trajectories(fixes, paths, plan, stop_s)
         silenced = self._silenced(fixes, truth, sensors.radars, seed)
@@ -82,12 +82,12 @@ class Solent(Method):
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last report."""
-        fixes, _, faults = self._read()
+        fixes, _, faults = self._recorded()
         return span_of(fixes.ais.received_s, faults=faults)
 
-    def _read(self) -> tuple[_Fixes, _Paths, tuple[Fault, ...]]:
+    def _recorded(self) -> tuple[_Fixes, _Paths, tuple[Fault, ...]]:
         file = data_folder(self.root, "solent_ais") / FILE
-        return _read(fingerprint((file,)), self.gap_s, self.berthed_gap_s)
+        return _read_files(fingerprint((file,)), self.gap_s, self.berthed_gap_s)
 
     def _silenced(self, fixes: _Fixes, truth: Trajectories, radars: Radars, seed: int) -> Ints:
         """The numbers of the vessels whose AIS is switched off, in order."""
@@ -118,7 +118,7 @@ class _Paths(NamedTuple):
 
 
 @lru_cache(maxsize=1)
-def _read(files: Fingerprint, gap_s: float, berthed_gap_s: float) -> tuple[_Fixes, _Paths, tuple[Fault, ...]]:
+def _read_files(files: Fingerprint, gap_s: float, berthed_gap_s: float) -> tuple[_Fixes, _Paths, tuple[Fault, ...]]:
     path = files[0][0]
     table = AisTable(files=(path,))
     reports, _, faults = table.read()

@@ -82,16 +82,16 @@ class AisTable(Method):
 
     def read(self) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
         """Reports and static data of all tables in order of arrival, and the faults."""
-        reports, statics, tally = _read(self, fingerprint(self.files))
+        reports, statics, tally = _read_files(self, fingerprint(self.files))
         return reports, statics, tally.faults()
 
     def contents(self) -> tuple[FileContent, ...]:
         """What was taken from each table."""
-        return _read(self, fingerprint(self.files))[2].contents()
+        return _read_files(self, fingerprint(self.files))[2].contents()
 
 
 @lru_cache(maxsize=1)
-def _read(settings: AisTable, files: Fingerprint) -> tuple[AisReports, AisStatics, Tally]:
+def _read_files(settings: AisTable, files: Fingerprint) -> tuple[AisReports, AisStatics, Tally]:
     tally = Tally()
     parts = [_one_file(settings, path, feed, tally) for feed, (path, _, _) in enumerate(files)]
     reports, statics = by_arrival([p[0] for p in parts]), by_arrival([p[1] for p in parts])
