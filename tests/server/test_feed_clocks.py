@@ -327,5 +327,5 @@ def test_an_mmsi_that_was_not_heard_for_an_hour_is_new_again() -> None:
     new = NewVessels()
     for hour in range(3):
         heard(new, 10**8 + np.arange(1_000) + 1_000 * hour, 5_000.0 * hour, np.zeros((1_000, 2)))
-    assert len(new._known) == 1_000
+    assert len(new._accepted) == 1_000
     assert math.isfinite(float(new._heard_s.max()))

@@ -417,14 +417,14 @@ def test_a_recording_over_sockets_gives_the_pictures_of_its_files(tmp_path: Path
 
 def test_a_feed_that_is_flooded_holds_up_no_cycle_and_no_other_feed(monkeypatch: pytest.MonkeyPatch) -> None:
     period_s, each_s, lines = 2.0, 0.02, items("ais+tcp://x:1")
-    take, parts = AisDecoder.take, [0, 0]
+    decode, parts = AisDecoder.decode, [0, 0]
 
     def slow(decoder: AisDecoder, found: list[Item], reference_s: float | None) -> None:
         parts[decoder.name == "honest"] += 1
         time.sleep(each_s)
-        take(decoder, found, reference_s)
+        decode(decoder, found, reference_s)
 
-    monkeypatch.setattr(AisDecoder, "take", slow)
+    monkeypatch.setattr(AisDecoder, "decode", slow)
     monkeypatch.setattr(live_input, "PART", 10)
     flooded, honest = parsed("ais+listen://127.0.0.1:0?name=flooded"), parsed("ais+listen://127.0.0.1:0?name=honest")
     scenario = load_scenario("guanabara", {"period_s": str(period_s)})
