@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from coastwatch.kernels.filters import motion_models
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.imm import combine_filters
-from coastwatch.kernels.tracks.columns import ExistenceColumns, PlotColumns, RadarColumns
+from coastwatch.kernels.tracks.columns import DetectionColumns, ExistenceColumns, PlotColumns, RadarColumns
 from coastwatch.kernels.tracks.existence import ExistenceChain, after, count_missed_looks, missed, predict_existence
 from coastwatch.kernels.tracks.joint_update import Hypotheses, predict_to_plots, update_by_shares
 
@@ -113,7 +113,12 @@ def test_existence_and_visibility_are_a_markov_chain(looks, existence, visibilit
 
 def existing(tracks, radars, looked):
     one = np.full(tracks, 0.9), np.full(tracks, 0.8), np.zeros(tracks)
-    return ExistenceColumns(*one, np.full((tracks, radars), looked), np.zeros(tracks, np.int64))
+    never = np.full((tracks, radars), -np.inf)
+    return ExistenceColumns(*one, np.full((tracks, radars), looked), np.zeros(tracks), never)
+
+
+def detecting(probability, miss=1.0):
+    return DetectionColumns(np.asarray(probability), np.full(len(probability), miss), np.zeros(len(probability)))
 
 
 def test_looks_count_where_a_radar_covers_and_sends():
@@ -122,7 +127,7 @@ def test_looks_count_where_a_radar_covers_and_sends():
     estimates.mean[:] = [[0.0, 0.0, 0.0, 0.0], [9000.0, 0.0, 0.0, 0.0]]
     radars = RadarColumns(np.zeros((2, 2)), np.array([1000.0, 1e5]), np.array([3.0, 2.0]), np.array([6.7, -np.inf]))
     life, by_hand = existing(2, 3, 0.0), textbook.ThreeStates(0.9, 0.8, *CHAIN)
-    count_missed_looks(life, estimates, np.arange(2), radars, np.array([2, 1]), np.array([0.7, 0.9]), 0.1, CHAIN)
+    count_missed_looks(life, estimates, np.arange(2), radars, np.array([2, 1]), detecting([0.5, 0.9, 0.7]), 0.1, CHAIN)
     for _ in range(2):
         by_hand.wait(3.0)
         by_hand.miss(0.7)
@@ -135,7 +140,7 @@ def test_looks_count_where_a_radar_covers_and_sends():
 def test_looks_without_a_plot_before_a_plot_count_and_time_does_not_go_back():
     """Of one radar with a turn of 3 s: a plot after 9.1 s, so two misses; one of before the newest look, so none."""
     life, by_hand = existing(2, 1, 0.0), textbook.ThreeStates(0.9, 0.8, *CHAIN)
-    predict_existence(life, np.arange(2), np.array([9.1, -3.0]), 0, 3.0, 0.7, CHAIN)
+    predict_existence(life, np.arange(2), np.array([9.1, -3.0]), 0, 3.0, detecting([0.7]), CHAIN)
     for _ in range(2):
         by_hand.wait(3.0)
         by_hand.miss(0.7)

@@ -16,6 +16,7 @@ from coastwatch.scenario import ScenarioError, load_scenario
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import RegionInput, TableTracker
 from coastwatch.tracks.radar.life import Detection, ExistenceManagement
+from coastwatch.tracks.radar.rates import RateSettings
 
 pytestmark = pytest.mark.contract
 
@@ -62,7 +63,7 @@ def test_existence_of_a_lone_vessel_is_the_chain_by_hand():
     """Two detections in three looks: birth from one plot, a miss, then a plot of the likelihood that the filter gives it."""
     sensors, plots = alone()
     beacon = replace(plots.take(slice(0, 1)), position_m=plots.position_m[:1] + 3000.0)  # keeps the radar turning
-    rules = ExistenceManagement(begin_existence=1e-4, delete_existence=1e-9)
+    rules = ExistenceManagement(begin_existence=1e-4, delete_existence=1e-9, rates=RateSettings(learnt=False))
     method, memory = TableTracker(method="vimmjipda", upkeep=rules), TableTracker(method="vimmjipda").init()
     detection, density = rules.detection.detection_probability, rules.detection.false_plots_per_m2
     unborn = rules.new_vessels_per_m2 * rules.new_visibility * detection

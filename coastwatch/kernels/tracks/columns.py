@@ -30,7 +30,16 @@ class ExistenceColumns(NamedTuple):
     visibility: Floats  # (S,) of a vessel that exists
     time: Floats  # (S,) of both
     looked: Floats  # (S, R) time up to which the looks of each radar are in both
-    misses: Ints  # (S,) looks without a plot in the gate since the newest one
+    misses: Floats  # (S,) looks without a plot in the gate since the newest one, each as much as `DetectionColumns.miss` of its radar
+    radar_time: Floats  # (S, R) newest plot of each radar, -inf where there is none
+
+
+class DetectionColumns(NamedTuple):
+    """What looks of each radar detect."""
+
+    probability: Floats  # (R,) of a plot of a visible vessel
+    miss: Floats  # (R,) what a look without a plot counts
+    looks: Floats  # (R,) at vessels whose tracks surely exist
 
 
 class VesselIds(NamedTuple):

@@ -14,6 +14,8 @@ from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tracks.prediction import predicted_position
 
 SURELY = 1.0 - 1e-12  # most that is believed, so that 1 - r keeps digits
+EXISTS = 0.9  # existence before a look, from which it counts as one at a vessel
+LATELY = 10.5  # turns since the newest plot of the radar, up to which it counts: others may be out of sight for ever
 
 
 class ExistenceChain(NamedTuple):
@@ -46,23 +48,28 @@ def missed(existence, visibility, detection):  # type: ignore[no-untyped-def]
 
 @jit
 def _count_missed(life, n, radar, period, looks, detection, chain):  # type: ignore[no-untyped-def]
-    """Lower existence and visibility of track n by so many looks of a radar, one period after the other. In place."""
+    """Lower existence and visibility of track n by so many looks of a radar, one period after the other. In place.
+
+    These looks also count in `detection.looks`. Args: detection: DetectionColumns.
+    """
     for _ in range(looks):
         life.looked[n, radar] += period
+        counts = life.existence[n] >= EXISTS and life.looked[n, radar] - life.radar_time[n, radar] <= LATELY * period
         life.existence[n], life.visibility[n] = after(
             life.existence[n], life.visibility[n], life.looked[n, radar] - life.time[n], chain
         )
         life.time[n] = max(life.time[n], life.looked[n, radar])
-        life.existence[n], life.visibility[n], _ = missed(life.existence[n], life.visibility[n], detection)
-        life.misses[n] += 1
+        life.existence[n], life.visibility[n], _ = missed(life.existence[n], life.visibility[n], detection.probability[radar])
+        life.misses[n] += detection.miss[radar]
+        detection.looks[radar] += counts
 
 
 @jit
 def predict_existence(life, slots, time, radar, period, detection, chain):  # type: ignore[no-untyped-def]
     """Predict existence and visibility to a look of a radar, past the looks before it that gave no plot. In place.
 
-    Args: life: ExistenceColumns; slots: (T,); time: (T,) of the look; radar: its number; period: of its turns; detection: probability of a
-    plot of a visible vessel; chain: ExistenceChain.
+    Args: life: ExistenceColumns; slots: (T,); time: (T,) of the look; radar: its number; period: of its turns; detection:
+    DetectionColumns; chain: ExistenceChain.
     """
     for t in range(len(slots)):
         n = slots[t]
@@ -90,7 +97,7 @@ def count_missed_looks(life, estimates, rows, radars, numbers, detection, slack,
 
     A look is over after 1 + slack turns, counted by the newest plot of the radar; one that does not cover the track has not looked.
     Args: life: ExistenceColumns; estimates: Estimates; rows: (N,) slots; radars: RadarColumns; numbers: (R,) of these radars
-    among the columns of life.looked; detection: (R,) probability of a plot of a visible vessel; slack: in turns; chain: ExistenceChain.
+    among the columns of life.looked and in detection; detection: DetectionColumns; slack: in turns; chain: ExistenceChain.
     """
     for n in rows:
         for r in range(len(radars.range)):
@@ -101,6 +108,6 @@ def count_missed_looks(life, estimates, rows, radars, numbers, detection, slack,
             position = predicted_position(estimates, n, max(radars.newest[r], estimates.time[n]))
             east, north = position[0] - radars.site[r, 0], position[1] - radars.site[r, 1]
             if east * east + north * north <= radars.range[r] * radars.range[r]:
-                _count_missed(life, n, number, radars.period[r], int(turns), detection[r], chain)
+                _count_missed(life, n, number, radars.period[r], int(turns), detection, chain)
             else:
                 life.looked[n, number] = radars.newest[r]

@@ -20,11 +20,11 @@ from coastwatch.batches.struct import Struct, column
 from coastwatch.geodesy import from_plane
 from coastwatch.kernels.tracks.clutter import TILES
 from coastwatch.stage import NotNegative, Positive, Settings
+from coastwatch.tracks.radar.rates import turns_between
 
 LEAST_PLOTS = 0.1  # false plots in a turn, of a cell with a standing echo
 MOST_CELLS = 640  # along a side of the window of a radar
 SIGMAS = 3.0  # of the noise that a displacement must exceed
-PAUSE_TURNS = 3.0  # a radar that was silent for longer has not turned
 TIMES_THE_MEAN = 5.0  # the plots of a cell with a standing echo, over those of all cells in range
 NEIGHBOURS = np.ones((3, 3), np.int64)  # cells that touch, also at a corner, are one echo
 
@@ -125,8 +125,7 @@ def learn(
     if not len(time_s):
         return known
     newest_s, before_s = float(time_s.max()), float(known.newest_s[radar])
-    passed = max((newest_s - before_s) / period_s, 0.0) if np.isfinite(before_s) else 1.0
-    known.turns[radar] += passed if passed <= PAUSE_TURNS else 1.0
+    known.turns[radar] += turns_between(before_s, newest_s, period_s)
     known.newest_s[radar] = np.fmax(newest_s, before_s)
     turns = float(known.turns[radar])
     kernels.tracks.clutter.learn(known.window(radar), known.cells, position_m, probability, turns, settings.memory_turns)

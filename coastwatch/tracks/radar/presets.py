@@ -38,7 +38,7 @@ PRESETS: Mapping[str, Mapping[str, Part]] = {
     "vimmjipda_literal": {
         "association": {"method": "jipda_literal"},
         "motion": _IMM,
-        "upkeep": {"confirm_existence": 0.999},
+        "upkeep": {"confirm_existence": 0.999, "rates": {"learnt": False}},
     },
     "vimmjipda_sequential": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "sequential"}},
     "vimmjipda_precise_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "precise_batch"}},

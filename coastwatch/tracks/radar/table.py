@@ -16,6 +16,7 @@ from coastwatch.kernels.tracks.columns import NAMES, ExistenceColumns, PlotColum
 from coastwatch.tracks.radar.clutter import ClutterMap, ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
 from coastwatch.tracks.radar.motion import Filters
 from coastwatch.tracks.radar.plot_filters import PlotFilters
+from coastwatch.tracks.radar.rates import LearntRates
 
 NEWEST = 5  # plots whose origin is kept, for the scores
 SPARE = 4  # one spare slot for so many used ones, so that few cycles have to enlarge the table
@@ -57,7 +58,9 @@ class Table(Struct):
     visibility: Floats = column(np.float64, "S")  # probability that radars can see the vessel, if it exists
     existence_s: Floats = column(np.float64, "S")
     looked_s: Floats = column(np.float64, "S", "R")  # up to which the looks of each radar are in existence and visibility
-    misses: Ints = column(np.int64, "S")  # looks without a plot in the gate since the newest one
+    misses: Floats = column(
+        np.float64, "S"
+    )  # looks without a plot in the gate since the newest one, less of a radar that misses much
     message_s: Floats = column(np.float64, "S")  # newest AIS message, -inf where there is none
     ids: Ints = column(np.int64, "S", NAMES)  # MMSI that the vessel may have, -1 where there is none
     id_probability: Floats = column(np.float64, "S", NAMES + 2)  # that it has no MMSI, each of these, any other
@@ -92,7 +95,7 @@ class Table(Struct):
     @property
     def existing(self) -> ExistenceColumns:
         """Existence and visibility of each slot."""
-        return ExistenceColumns(self.existence, self.visibility, self.existence_s, self.looked_s, self.misses)
+        return ExistenceColumns(self.existence, self.visibility, self.existence_s, self.looked_s, self.misses, self.radar_s)
 
     @property
     def vessel_ids(self) -> VesselIds:
@@ -166,6 +169,7 @@ class RadarMemory(Struct):
     newest_plot_s: Floats = column(np.float64, "R")  # newest plot of each radar, -inf where it has sent nothing
     clutter: ClutterMap = field(default_factory=ClutterMap.none)
     plots_alone: PlotFilters = field(default_factory=lambda: PlotFilters.empty(0))  # where messages guide the association
+    rates: LearntRates = field(default_factory=lambda: LearntRates.none(0))
 
     @classmethod
     def empty(cls, models: int, particles: int = 0) -> RadarMemory:
@@ -189,7 +193,8 @@ class RadarMemory(Struct):
         if len(self.newest_plot_s):
             raise ValueError(f"memory of radar tracks: got {len(self.newest_plot_s)} radars, needed {count}")
         table = Table.empty(models, count, self.table.particles.shape[1])
-        return replace(self, table=table, site_m=np.full((count, 2), np.nan), newest_plot_s=np.full(count, -np.inf))
+        site_m, never = np.full((count, 2), np.nan), np.full(count, -np.inf)
+        return replace(self, table=table, site_m=site_m, newest_plot_s=never, rates=LearntRates.none(count))
 
     def without_radars(self, moved: Bools) -> RadarMemory:
         """This memory without the tracks that hold plots of these radars (R,), whose registration has jumped."""

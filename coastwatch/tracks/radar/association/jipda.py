@@ -15,7 +15,7 @@ from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
 from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
-from coastwatch.kernels.tracks.existence import SURELY
+from coastwatch.kernels.tracks.existence import EXISTS, LATELY, SURELY
 from coastwatch.stage import Settings
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.life.existence import merge_duplicates
@@ -75,10 +75,13 @@ def gated(parts: Parts, table: Table, batch: PlotColumns, widened: float = 1.0) 
 def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float, free_of: Free) -> tuple[RadarMemory, Ints]:
     """As `Jipda.track_batch`. Args: unborn: weight of new vessels among the plots of no track; free_of: see `Free`."""
     table, rules, clutter, radar = memory.table, parts.existence, parts.clutter, int(batch.sensor[0])
-    every_detection, every_density = rules.by_number(parts.sensors.radars)
-    detection, period_s = float(every_detection[radar]), float(parts.sensors.radars.period_s[radar])
+    period_s = float(parts.sensors.radars.period_s[radar])
+    if rules.rates.learnt:
+        memory.rates.turn(rules.rates, radar, float(batch.time.max()), period_s)
+    columns, every_density = rules.by_number(memory.rates, parts.sensors.radars)
+    detection = float(columns.probability[radar])
     false_per_m2 = memory.false_plots_per_m2(clutter, batch, float(every_density[radar]))
-    unborn_per_m2 = rules.new_vessels_per_m2 * rules.new_visibility * detection
+    unborn_per_m2 = rules.new_per_m2(columns.probability)[radar]
     pairs = gated(parts, table, batch)
     due = (
         batch.time[pairs.plot] - table.radar_s[pairs.track, radar] > 0.5 * period_s
@@ -87,8 +90,9 @@ def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float,
     slot, plot = hypotheses.slot, hypotheses.plot
     of = hypotheses.track
     kernels.tracks.existence.predict_existence(
-        table.existing, slot, table.updated_s[slot], radar, period_s, detection, rules.chain
+        table.existing, slot, table.updated_s[slot], radar, period_s, columns, rules.chain
     )
+    sought = (table.existence[slot] >= EXISTS) & (table.updated_s[slot] - table.radar_s[slot, radar] <= LATELY * period_s)
     r, eta = table.existence[slot], table.visibility[slot]
     missed = 1.0 - r * eta * detection
     nobodys_per_m2 = false_per_m2 + unborn * unborn_per_m2
@@ -101,6 +105,9 @@ def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float,
     parts.joint.update_by_shares(table, hypotheses, probability / exists[of], batch, rules.least_model_probability)
     table.existence[slot] = np.minimum(exists, SURELY)
     table.visibility[slot] = (survived * (1.0 - detection) * eta / (1.0 - detection * eta) + taken) / exists
+    if rules.rates.learnt:
+        memory.rates.detections[radar] += taken[sought].sum()
+        memory.rates.looks[radar] += sought.sum()
     table.looked_s[slot, radar] = table.updated_s[slot]
     table.misses[slot] = 0
     likely = np.flatnonzero(probability > LIKELY)
@@ -114,8 +121,11 @@ def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float,
         )
     best = np.full(len(batch.time), -1)
     best[plot[likely]] = slot[of[likely]]
-    existence = free_of(plot, probability, len(batch.time)) * unborn_per_m2 / (false_per_m2 + unborn_per_m2)
-    plots = np.flatnonzero(existence >= rules.begin_existence)
+    free = free_of(plot, probability, len(batch.time))
+    if rules.rates.learnt:
+        memory.rates.false_plots[radar] += (free * false_per_m2 / (false_per_m2 + unborn_per_m2)).sum()
+    existence = free * unborn_per_m2 / (false_per_m2 + unborn_per_m2)
+    plots = np.flatnonzero(existence >= rules.least_existence(columns.probability, every_density)[0][radar])
     if len(plots):
         memory = begin_tracks(parts.bank, memory, plots, batch)
         memory.table.existence[memory.table.live[-len(plots) :]] = existence[plots]

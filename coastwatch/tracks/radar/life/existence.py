@@ -12,10 +12,11 @@ from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Radars
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.filters.gaussian import gate
-from coastwatch.kernels.tracks.columns import RadarColumns
+from coastwatch.kernels.tracks.columns import DetectionColumns, RadarColumns
 from coastwatch.kernels.tracks.existence import ExistenceChain
 from coastwatch.stage import Count, NotNegative, Positive, Probability, Settings
 from coastwatch.tracks.radar.life.hits import PlotSettings, seen_together
+from coastwatch.tracks.radar.rates import LearntRates, RateSettings
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
 KNOWN = 0.5  # probability of an id by which two tracks are told apart
@@ -37,6 +38,7 @@ class ExistenceManagement(PlotSettings):
     method: Literal["existence"] = "existence"
     detection: Detection = Detection()  # of radars without settings of their own
     by_radar: dict[str, Detection] = Field(default_factory=dict)  # by name of the radar
+    rates: RateSettings = RateSettings()  # of each radar, from these on
     new_vessels_per_m2: Positive = 5e-8  # vessels without a track, in one look
     new_visibility: Probability = 0.9  # of such a vessel
     end_per_s: NotNegative = 0.001  # rate at which vessels cease to exist
@@ -52,7 +54,7 @@ class ExistenceManagement(PlotSettings):
     confirm_existence: Probability = 0.99  # a track that exists with this probability is confirmed
     show_existence: NotNegative = 0.5  # a confirmed track is reported while it exists with this probability or more
     delete_existence: Probability = 0.01  # a track that exists with less probability is deleted
-    delete_misses: Count = 5  # looks in a row without a plot in the gate
+    delete_misses: Count = 5  # looks in a row without a plot in the gate; as many more as a radar misses more than stated
     coast_s: Positive = 30.0  # longest time without a plot in the gate, also outside the range of every radar
     max_speed_kn: Positive = 60.0  # a faster track is deleted
     merge_probability: Probability = 0.5  # that two tracks of one vessel pass the test for duplicates
@@ -65,20 +67,41 @@ class ExistenceManagement(PlotSettings):
             return ExistenceChain(self.end_per_s, 0.0, 0.0)
         return ExistenceChain(self.end_per_s, 1.0 / self.visible_s, 1.0 / self.hidden_s)
 
-    def by_number(self, radars: Radars) -> tuple[Floats, Floats]:
-        """Detection probability and false plots in a square metre of each radar. (R,), (R,)"""
+    @property
+    def visible_share(self) -> float:
+        """The share of time in which a vessel is visible."""
+        return self.visible_s / (self.visible_s + self.hidden_s) if self.hides else 1.0
+
+    def by_number(self, known: LearntRates, radars: Radars) -> tuple[DetectionColumns, Floats]:
+        """What each radar detects, and its false plots in a square metre, as learnt. (R,)"""
         each = [self.by_radar.get(name, self.detection) for name in radars.name.tolist()]
-        return np.array([d.detection_probability for d in each]), np.array([d.false_plots_per_m2 for d in each])
+        stated = np.array([d.false_plots_per_m2 for d in each])
+        detection = known.detection(self.rates, np.array([d.detection_probability for d in each]), self.visible_share)
+        return detection, known.false_plots_per_m2(self.rates, radars, stated)
+
+    def new_per_m2(self, detection: Floats) -> Floats:
+        """The density of plots of vessels without a track, in one look. Args: detection: P_D."""
+        return self.new_vessels_per_m2 * self.new_visibility * detection
+
+    def least_existence(self, detection: Floats, false_per_m2: Floats) -> tuple[Floats, Floats]:
+        """The existence with which a plot begins a track, and below which a track is deleted.
+
+        Among many false plots that of any plot is lower than the settings, and then they would let no track begin.
+        """
+        single = self.new_per_m2(detection) / (false_per_m2 + self.new_per_m2(detection))
+        return np.minimum(self.begin_existence, 0.5 * single), np.minimum(self.delete_existence, 0.75 * single)
 
     def end_slice(self, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars, time_s: float) -> RadarMemory:
         """Count the looks that gave no plot, confirm and delete tracks. Args: as of `TrackManagement.end_slice`."""
         table = memory.table
-        detection, count_missed = self.by_number(every)[0][ours], kernels.tracks.existence.count_missed_looks
+        detection, false_per_m2 = self.by_number(memory.rates, every)
+        count_missed = kernels.tracks.existence.count_missed_looks
         count_missed(table.existing, table.estimates, table.live, radars, ours, detection, self.look_slack, self.chain)
         live, now = table.live, self.existence(table, table.live, time_s)
         table.status[live[now >= self.confirm_existence]] = Status.CONFIRMED
         speed2 = (table.combined_mean[live, 2:] ** 2).sum(axis=1)
-        lost = (now < self.delete_existence) | (table.misses[live] >= self.delete_misses)
+        least = self.least_existence(detection.probability[ours], false_per_m2[ours])[1].min(initial=self.delete_existence)
+        lost = (now < least) | (table.misses[live] > self.delete_misses - 0.5)
         lost |= time_s - table.updated_s[live] > self.coast_s
         lost |= (speed2 > (self.max_speed_kn * KNOT_M_S) ** 2) & (table.status[live] != Status.SINGLE)
         return replace(memory, table=table.without(lost))

@@ -1,0 +1,61 @@
+"""What a radar detects is learnt: few false tracks in ten times the stated clutter, and tracks that live where half is missed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from radar_world import PERIOD_S, plots_of, run, two_radars, world
+
+from coastwatch.tracks import TableTracker
+from coastwatch.tracks.radar.life import ExistenceManagement
+from coastwatch.tracks.radar.rates import LearntRates, RateSettings
+
+pytestmark = pytest.mark.contract
+
+STATED = ExistenceManagement(rates=RateSettings(learnt=False))
+CLUTTER_PER_M2 = 5e-6
+RANGE_NM, CYCLES = 3.0, 30
+ALONE_NM = 2.0  # at which no vessel is in the range of both radars
+
+
+def tracker(learnt):
+    return TableTracker(method="guided_vimmjipda", **({} if learnt else {"upkeep": STATED}))
+
+
+def test_ten_times_the_clutter_is_learnt_and_makes_few_tracks():
+    truth, sensors = world(100, 31), two_radars(range_nm=RANGE_NM)
+    plots = plots_of(truth, sensors, PERIOD_S * CYCLES, 31, detection=0.9, clutter_per_m2=CLUTTER_PER_M2)
+    (memory, learnt), (_, stated) = (run(tracker(one), plots, CYCLES, sensors) for one in (True, False))
+    known = memory.rates.false_plots_per_m2(RateSettings(), sensors.radars, np.full(2, 1e-6))
+    prior = 10.0 / (10.0 + memory.rates.turns)
+    np.testing.assert_allclose(known, prior * 1e-6 + (1.0 - prior) * CLUTTER_PER_M2, rtol=0.1)
+    false = [sum(int((tracks.origin < 0).sum()) for tracks in out[15:]) for out in (learnt, stated)]
+    vessels = [np.mean([len(np.unique(t.origin[t.origin >= 0])) for t in out[15:]]) for out in (learnt, stated)]
+    assert false[0] < 0.1 * false[1]
+    assert vessels[0] > 0.9 * vessels[1]
+
+
+def test_a_radar_that_misses_half_keeps_its_tracks():
+    truth, sensors = world(200, 32), two_radars(range_nm=ALONE_NM)
+    plots = plots_of(truth, sensors, PERIOD_S * CYCLES, 32, detection=0.5)
+    (memory, learnt), (_, stated) = (run(tracker(one), plots, CYCLES, sensors) for one in (True, False))
+    probability = memory.rates.detection(RateSettings(), np.full(2, 0.9), STATED.visible_share).probability
+    assert np.all((probability > 0.5) & (probability < 0.8))  # from 0.9 towards 0.5 over 0.84, the share of visible vessels
+    seen = [np.mean([len(tracks) for tracks in out[20:]]) for out in (learnt, stated)]
+    assert seen[0] > 1.05 * seen[1]
+
+
+def test_before_the_first_plot_the_stated_rates_hold_and_a_pause_is_no_turn():
+    sensors, rules, stated = two_radars(), RateSettings(), np.array([0.9, 0.2])
+    known = LearntRates.none(2)
+    np.testing.assert_array_equal(known.false_plots_per_m2(rules, sensors.radars, np.full(2, 3e-7)), 3e-7)
+    np.testing.assert_allclose(known.detection(rules, stated, 1.0).probability, stated)
+    np.testing.assert_allclose(known.detection(rules, stated, 1.0).miss, 1.0)
+    for newest_s in (3.0, 6.0, 6000.0, 5990.0):
+        known.turn(rules, 0, newest_s, 3.0)
+    fade = np.exp(-1.0 / rules.memory_turns)
+    assert known.turns[0] == pytest.approx(1.0 + fade + fade**2)
+    assert known.newest_s[0] == 6000.0
+    known.looks[:] = known.detections[:] = 1e6
+    known.detections[0] = 0.0
+    assert known.detection(rules, stated, 1.0).probability.tolist() == [rules.least_detection, stated[1]]
