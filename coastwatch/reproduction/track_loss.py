@@ -13,7 +13,7 @@ from coastwatch.scores.track_loss import initiation_scores, path_scores, shadow_
 from coastwatch.sensors import StartStates
 from coastwatch.server.timing import Stopwatch
 from coastwatch.tracks import ForestMemory, MultiHypothesisLiteral
-from coastwatch.tracks.radar.multi_hypothesis.forest import Decided
+from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Decided
 
 
 def measure(scenario: Scenario, seed: int, asked: TrackLoss) -> dict[str, float | None]:

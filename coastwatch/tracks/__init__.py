@@ -14,8 +14,8 @@ from coastwatch.tracks.ais.out_of_sequence import Memory as AisMemory
 from coastwatch.tracks.alignment import ConstantVelocity
 from coastwatch.tracks.bearing import BearingMemory, BearingWindow
 from coastwatch.tracks.inputs import AisInput, AisOutput, BearingInput, ReceivedInput
-from coastwatch.tracks.radar.multi_hypothesis.forest import ForestMemory
-from coastwatch.tracks.radar.multi_hypothesis.literal import MultiHypothesisLiteral
+from coastwatch.tracks.radar.multi_hypothesis_literal.forest import ForestMemory
+from coastwatch.tracks.radar.multi_hypothesis_literal.tracker import MultiHypothesisLiteral
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput
 from coastwatch.tracks.radar.table import RadarMemory
 from coastwatch.tracks.radar.tracker import TableTracker

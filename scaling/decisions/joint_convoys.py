@@ -1,8 +1,8 @@
 """Ships that sail or pass close together, by radar tracker: `python -m scaling.decisions.joint_convoys [--seeds 1000-1002]`.
 
 The question: does weighing all plots in the gate keep neighbours apart, where taking the best plot mixes them?
-300 vessels of `context-driven-1000` with clutter and misses sail in convoys of three ships 50 m apart, or pass each other at 30 m.
-All else is the default. It prints means over seeds with their standard errors: breaks and changes are counts of a run.
+300 vessels of `context-driven-1000` with clutter and misses sail in convoys of three ships 50 or 120 m apart, or pass each other at
+30 m. All else is the default. It prints means over seeds with their standard errors: breaks and changes are counts of a run.
 """
 
 from __future__ import annotations
@@ -26,15 +26,23 @@ from coastwatch.stage import serial
 from scaling.load.seeds import seed_range
 
 PLOTS = {"sonars": "[]", "input.radar.detection_probability": "0.9", "input.radar.clutter_per_m2": "5e-7", "input.count": "300"}
-SPACING = {f"input.convoys.spacing_{end}_m": "50" for end in ("from", "to")}
+
+
+def convoys(spacing_m: str) -> dict[str, str]:
+    """Settings of a scene in which all vessels sail in convoys, so far apart."""
+    return {"input.convoys.share": "1.0", **{f"input.convoys.spacing_{end}_m": spacing_m for end in ("from", "to")}}
+
+
 CASES: dict[str, dict[str, str]] = {
-    "convoys of 50 m": {"input.convoys.share": "1.0", **SPACING},
+    "convoys of 50 m": convoys("50"),
+    "convoys of 120 m": convoys("120"),
     "passings": {"input.passings.share": "1.0", "input.passings.overtaking_share": "0.5"},
 }
 METHODS: dict[str, dict[str, str]] = {
     "sided_imm": {"tracks.plot_origin": "estimated"},
     "sided_vimmjipda": {"tracks.method": "sided_vimmjipda"},
     "vimmjipda": {"tracks.method": "vimmjipda"},
+    "multi_hypothesis": {"tracks.method": "multi_hypothesis"},
     "vimmjipda_sequential": {"tracks.method": "vimmjipda_sequential"},
 }
 HEADS = "F1, %", "fused m", "fused m/s", "radar m", "radar m/s", "breaks", "changes"
@@ -102,12 +110,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", default="1000-1002", help="first-last")
     parser.add_argument("--cycles", default="20", help="that are scored")
+    parser.add_argument("--methods", nargs="+", default=list(METHODS), choices=METHODS)
+    parser.add_argument("--cases", nargs="+", default=list(CASES), choices=CASES)
     asked = parser.parse_args()
     seeds = seed_range(asked.seeds)
     print("  ".join([f"{'case':<16}", f"{'method':<22}", *(f"{head:>14}" for head in HEADS)]), flush=True)
-    for case, made in CASES.items():
-        for method, chosen in METHODS.items():
-            settings = {**PLOTS, **made, **chosen, "cycles": asked.cycles}
+    for case in asked.cases:
+        for method in asked.methods:
+            settings = {**PLOTS, **CASES[case], **METHODS[method], "cycles": asked.cycles}
             rows = np.array([run(settings, seed).row() for seed in seeds])
             mean, error = rows.mean(axis=0), rows.std(axis=0) / math.sqrt(max(len(seeds) - 1, 1))
             cells = [f"{m:.2f} +- {e:.2f}" for m, e in zip(mean, error, strict=True)]

@@ -1,6 +1,7 @@
-"""What `vimmjipda` costs a track and scan, and a scan of a dense cluster: `python -m scaling.decisions.joint_speed [--tracks 4000]`.
+"""What a track and scan cost by existence, and a scan of a dense cluster: `python -m scaling.decisions.joint_speed [--tracks 4000]`.
 
-The question: does a scan of 4,000 tracks cost 10 us a track at most? Does a scan in which 40 vessels meet cost 20 ms at most?
+The question: does a scan of 4,000 tracks of `vimmjipda` cost 10 us a track at most? Does a scan in which 40 vessels meet cost 20 ms at
+most? And how many times as much is another `--method`?
 Processor time of one thread, after scans that compile kernels and confirm tracks. One radar turns every 3 s and detects 0.9 of the vessels;
 clutter and spacing are those of `context-driven-1000`. The 40 vessels start evenly on a circle of 300 m and sail to its centre. The last
 line is the kernel alone: the probabilities of 40 tracks and 40 plots of which every pair is possible.
@@ -10,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from time import process_time
+from typing import get_args
 
 import numpy as np
 
@@ -17,7 +19,8 @@ from coastwatch import kernels
 from coastwatch.batches import Floats, Plots, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.tracks import RegionInput, TableTracker
-from coastwatch.tracks.radar.life import Detection, ExistenceManagement
+from coastwatch.tracks.radar.life import Detection
+from coastwatch.tracks.radar.presets import Name
 
 PERIOD_S = 3.0
 DENSITY_M2 = 10.0 / NAUTICAL_MILE_M**2  # of vessels
@@ -50,10 +53,13 @@ def plots_of(place_m: Floats, time_s: float, reach_m: float, rng: np.random.Gene
     return Plots(number, number, time, z, noise, np.zeros((count, 2)), distance, azimuth, np.full(count, -1))
 
 
-def scans(start_m: Floats, velocity_m_s: Floats, count: int, seed: int) -> list[tuple[float, int, float]]:
+def scans(
+    start_m: Floats, velocity_m_s: Floats, count: int, seed: int, name: Name = "vimmjipda"
+) -> list[tuple[float, int, float]]:
     """Processor time in ms, number of reported tracks, and spread of the vessels in m, of each scan of a run."""
     rng, reach_m = np.random.default_rng([seed, 1]), float(np.abs(start_m).max()) + 500.0
-    method = TableTracker(method="vimmjipda", upkeep=ExistenceManagement(detection=Detection(false_plots_per_m2=CLUTTER_M2)))
+    upkeep = TableTracker(method=name).upkeep.model_copy(update={"detection": Detection(false_plots_per_m2=CLUTTER_M2)})
+    method = TableTracker(method=name, upkeep=upkeep)
     sensors, memory, found = sensors_of(2.0 * reach_m), method.init(), []
     for k in range(count):
         time_s = PERIOD_S * (k + 1)
@@ -76,14 +82,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tracks", type=int, default=4000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--method", default="vimmjipda", choices=get_args(Name))
     asked = parser.parse_args()
-    last = scans(*spread_out(asked.tracks, asked.seed), 30, asked.seed)[15:]
+    last = scans(*spread_out(asked.tracks, asked.seed), 30, asked.seed, asked.method)[15:]
     cost, tracks = np.array([ms for ms, *_ in last]), np.mean([count for _, count, _ in last])
     each = 1e3 * cost / tracks
     print(f"{tracks:.0f} tracks: {np.median(each):.2f} us a track and scan, worst {each.max():.2f} (asked: 10)")
     angle = np.linspace(0.0, 2.0 * np.pi, MEETING, endpoint=False)
     out = np.column_stack([np.sin(angle), np.cos(angle)])
-    meeting = scans(CIRCLE_M * out, -SPEED_M_S * out, 25, asked.seed)[2:]
+    meeting = scans(CIRCLE_M * out, -SPEED_M_S * out, 25, asked.seed, asked.method)[2:]
     ms, count, spread_m = max(meeting)
     print(f"{MEETING} vessels meet: worst scan {ms:.2f} ms, with {count} tracks over {spread_m:.0f} m (asked: 20 ms)")
     plot, track = (rows.ravel() for rows in np.indices((MEETING, MEETING)))

@@ -20,7 +20,7 @@ from coastwatch.tracks.radar.rates import RateSettings
 
 pytestmark = pytest.mark.contract
 
-METHODS = [m for m in every_tracker() if m.association.method == "jipda" and m.messages.method == "none"]
+METHODS = [m for m in every_tracker() if m.association.method in ("jipda", "multi_hypothesis") and m.messages.method == "none"]
 OWN_M = 150.0  # a track farther from its vessel is another's
 ALWAYS_VISIBLE = ExistenceManagement(hides=False)
 

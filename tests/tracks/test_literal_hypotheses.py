@@ -15,7 +15,7 @@ from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.scenario import load_scenario
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import MultiHypothesisLiteral, RegionInput
-from coastwatch.tracks.radar.multi_hypothesis.initiation import paired
+from coastwatch.tracks.radar.multi_hypothesis_literal.initiation import paired
 
 pytestmark = pytest.mark.oracle
 

@@ -10,6 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "duplicates",
         "existence",
         "gate",
+        "hypothesis_trees",
         "joint_update",
         "message_clusters",
         "plot_assignment",

@@ -21,12 +21,15 @@ Name = Literal[
     "vimmjipda_precise_batch",
     "vimmjipda_noisy_batch",
     "guided_vimmjipda",
+    "multi_hypothesis",
+    "sided_multi_hypothesis",
     "bp_particles",
     "table",
 ]
 
 _IMM: Part = {"kind": "imm"}
 _JIPDA: Part = {"method": "jipda"}
+_TREES: Part = {"method": "multi_hypothesis"}
 _STRAIGHT: Part = {"kind": "straight", "noise_m2_s3": 0.49, "share": 1.0}
 
 PRESETS: Mapping[str, Mapping[str, Part]] = {
@@ -44,6 +47,8 @@ PRESETS: Mapping[str, Mapping[str, Part]] = {
     "vimmjipda_precise_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "precise_batch"}},
     "vimmjipda_noisy_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "noisy_batch"}},
     "guided_vimmjipda": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "guiding"}},
+    "multi_hypothesis": {"association": _TREES, "motion": _IMM},
+    "sided_multi_hypothesis": {"association": _TREES},
     "bp_particles": {
         "association": _JIPDA,
         "motion": {"kind": "manoeuvres", "models": [_STRAIGHT]},

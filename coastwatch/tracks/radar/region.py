@@ -13,7 +13,7 @@ from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.tracks.radar import plots_alone
-from coastwatch.tracks.radar.association import Association
+from coastwatch.tracks.radar.association import AnyAssociation, MultiHypothesis
 from coastwatch.tracks.radar.clutter import standing_echoes
 from coastwatch.tracks.radar.messages import Guiding, NoMessages, WithMessages, begin_unnamed, in_order
 from coastwatch.tracks.radar.parts import Parts
@@ -68,7 +68,7 @@ class _MessagesInTurn:
 
 
 def update_region(
-    association: Association,
+    association: AnyAssociation,
     messages: NoMessages | WithMessages,
     parts: Parts,
     memory: RadarMemory,
@@ -108,11 +108,11 @@ def update_region(
         taken[batch.first + got] = memory.table.track_id[slot[got]]
         if batch.ends_slice:
             radars = _radars(memory, ours, specified, sensors)
-            memory = upkeep.end_slice(memory, radars, ours, sensors.radars, float(batch.columns.time[-1]))
+            memory = _end_slice(association, parts, memory, radars, ours, float(batch.columns.time[-1]))
     if queue:
         memory = queue.take(parts, memory, time_s)
     radars = _radars(memory, ours, specified, sensors)
-    memory = upkeep.end_slice(memory, radars, ours, sensors.radars, time_s)
+    memory = _end_slice(association, parts, memory, radars, ours, time_s)
     memory = association.end_cycle(parts, memory, time_s)
     table = memory.table
     rows = upkeep.shown(table, time_s)
@@ -120,7 +120,7 @@ def update_region(
         messages.leave(parts, memory, float(heard.time_s.min(initial=np.inf)), time_s)
         rows, now = _by_plots(parts, memory, rows, time_s)
     else:
-        now = bank.predict(table.filters, table.estimates, rows, time_s)
+        now = _predicted(association, parts, memory, rows, time_s)
     tracks = report(
         now,
         _reported(table, rows, upkeep.existence(table, rows, time_s), isinstance(messages, Guiding)),
@@ -132,6 +132,23 @@ def update_region(
     standing = standing_echoes(parts.clutter, memory.clutter, sensors.radars, origin_deg)
     measurements = report_measurements(tracks, taken, plots, sensors, region)
     return memory, RegionOutput(tracks, measurements, standing, int((~good).sum()))
+
+
+def _end_slice(
+    association: AnyAssociation, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, time_s: float
+) -> RadarMemory:
+    """The memory after the looks that are over. Args: as of `ExistenceManagement.end_slice`."""
+    every = parts.sensors.radars
+    if isinstance(association, MultiHypothesis):
+        return association.end_slice(parts, memory, radars, ours, every, time_s)
+    return parts.upkeep.end_slice(memory, radars, ours, every, time_s)
+
+
+def _predicted(association: AnyAssociation, parts: Parts, memory: RadarMemory, rows: Ints, time_s: float) -> Estimates:
+    """The estimates of the tracks in these slots at a time."""
+    if isinstance(association, MultiHypothesis):
+        return association.predict(parts, memory, rows, time_s)
+    return parts.bank.predict(memory.table.filters, memory.table.estimates, rows, time_s)
 
 
 def _by_plots(parts: Parts, memory: RadarMemory, rows: Ints, time_s: float) -> tuple[Ints, Estimates]:

@@ -14,6 +14,7 @@ from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks import columns
 from coastwatch.kernels.tracks.columns import NAMES, ExistenceColumns, PlotColumns, TrackLife, VesselIds
 from coastwatch.tracks.radar.clutter import ClutterMap, ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
+from coastwatch.tracks.radar.leaves import Forest
 from coastwatch.tracks.radar.motion import Filters
 from coastwatch.tracks.radar.plot_filters import PlotFilters
 from coastwatch.tracks.radar.rates import LearntRates
@@ -170,6 +171,7 @@ class RadarMemory(Struct):
     clutter: ClutterMap = field(default_factory=ClutterMap.none)
     plots_alone: PlotFilters = field(default_factory=lambda: PlotFilters.empty(0))  # where messages guide the association
     rates: LearntRates = field(default_factory=lambda: LearntRates.none(0))
+    forest: Forest = field(default_factory=Forest.empty)  # of multi-hypothesis tracks
 
     @classmethod
     def empty(cls, models: int, particles: int = 0) -> RadarMemory:
@@ -177,9 +179,10 @@ class RadarMemory(Struct):
         return cls(Table.empty(models, 0, particles), Duplicates.empty(), 1, np.zeros((0, 2)), np.zeros(0))
 
     def check_rows(self) -> None:
-        """Check the number of radars, as after reading a checkpoint. Raises: ValueError."""
+        """Check the number of radars, and the leaves, as after reading a checkpoint. Raises: ValueError."""
         if self.table.radar_s.shape[1] != len(self.newest_plot_s):
             raise ValueError(f"Table.radar_s: got {self.table.radar_s.shape[1]} radars, needed {len(self.newest_plot_s)}")
+        self.forest.check_slots(self.table.mode_probability.shape, self.table.radar_s.shape[1])
 
     def fitting(self, models: int, count: int) -> RadarMemory:
         """This memory, before the first cycle with arrays for so many radars. Args: models: J; count: of radars.

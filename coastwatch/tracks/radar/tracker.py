@@ -8,7 +8,7 @@ from pydantic import model_validator
 
 from coastwatch.batches import Measurements, Messages, Sensors, Tracks
 from coastwatch.stage import Method
-from coastwatch.tracks.radar.association import Association, NearestNeighbour
+from coastwatch.tracks.radar.association import Association, MultiHypothesis, NearestNeighbour
 from coastwatch.tracks.radar.bank import Bank, Compiled, Particles
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import TrackManagement, Upkeep
@@ -27,9 +27,9 @@ class TableTracker(Method):
 
     A `method` other than `table` is the name of a choice of parts: `sided_imm`, `imm`, `filterpy_imm`, `vimmjipda`, `sided_vimmjipda`,
     `vimmjipda_literal`, `vimmjipda_sequential`, `vimmjipda_precise_batch`, `vimmjipda_noisy_batch`, `guided_vimmjipda`,
-    `bp_particles`. A part that is given replaces the one of this choice. Short settings: `plot_origin` ("known": the association
-    `known_origin`) of the first three and of `guided_vimmjipda`, which is then as `sided_imm`; `message_velocities`
-    (`messages.velocities`) of the methods with messages; `particles` and `seed` (of `bank`) of the last.
+    `multi_hypothesis`, `sided_multi_hypothesis`, `bp_particles`. A part that is given replaces the one of this choice. Short settings:
+    `plot_origin` ("known": the association `known_origin`) of the first three and of `guided_vimmjipda`, which is then as `sided_imm`;
+    `message_velocities` (`messages.velocities`) of the methods with messages; `particles` and `seed` (of `bank`) of `bp_particles`.
 
     Source of IMM filters: H. A. P. Blom, Y. Bar-Shalom, The interacting multiple model algorithm for systems with Markovian switching
     coefficients, IEEE Trans. AC 33(8), 1988.
@@ -58,6 +58,11 @@ class TableTracker(Method):
             raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' {association}")
         if needed != "existence" and not isinstance(self.messages, NoMessages):
             raise ValueError(f"messages.method: got {self.messages.method!r}, needed 'none' {association}")
+        if isinstance(self.association, MultiHypothesis):
+            if not isinstance(self.messages, NoMessages):
+                raise ValueError(f"messages.method: got {self.messages.method!r}, needed 'none' {association}")
+            if not isinstance(self.bank, Compiled):
+                raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' {association}")
         if isinstance(self.messages, Guiding) and not isinstance(self.bank, Compiled):
             raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' with messages.method = 'guiding'")
         models = len(self.motion.table())

@@ -10,7 +10,9 @@ from pydantic import Field
 from coastwatch.tracks.radar.association.jipda import Jipda, JipdaLiteral
 from coastwatch.tracks.radar.association.known_origin import KnownOrigin
 from coastwatch.tracks.radar.association.nearest_neighbour import NearestNeighbour
+from coastwatch.tracks.radar.multi_hypothesis import MultiHypothesis
 
-Association = Annotated[NearestNeighbour | KnownOrigin | Jipda | JipdaLiteral, Field(discriminator="method")]
+AnyAssociation = NearestNeighbour | KnownOrigin | Jipda | JipdaLiteral | MultiHypothesis
+Association = Annotated[AnyAssociation, Field(discriminator="method")]
 
-__all__ = ["Association", "Jipda", "JipdaLiteral", "KnownOrigin", "NearestNeighbour"]
+__all__ = ["AnyAssociation", "Association", "Jipda", "JipdaLiteral", "KnownOrigin", "MultiHypothesis", "NearestNeighbour"]

@@ -29,8 +29,8 @@ from coastwatch.kernels.tracks.thesis_growth import (
 )
 from coastwatch.stage import Count, CountOrZero, Method, NotNegative, Positive, Probability
 from coastwatch.tracks.radar.messages import messages_of
-from coastwatch.tracks.radar.multi_hypothesis.forest import Decided, ForestMemory, Leaves
-from coastwatch.tracks.radar.multi_hypothesis.initiation import InitiationSettings, begin
+from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Decided, ForestMemory, Leaves
+from coastwatch.tracks.radar.multi_hypothesis_literal.initiation import InitiationSettings, begin
 from coastwatch.tracks.radar.plot_batches import is_usable
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput
 from coastwatch.tracks.radar.report import Reported, report, report_measurements

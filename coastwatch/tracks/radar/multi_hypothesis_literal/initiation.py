@@ -13,7 +13,7 @@ from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.kernels.tracks.thesis_growth import LookReports, process_noise
 from coastwatch.stage import Count, Positive, Settings
-from coastwatch.tracks.radar.multi_hypothesis.forest import Preliminary
+from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Preliminary
 
 MOST_COST_M = 1e6  # of a pair; the Hungarian method takes as many pairs as it can, and of these the shortest
 COPY_VARIANCE = 9.0  # of each of four numbers, in the comparison with a preliminary track that is already there

@@ -1,0 +1,219 @@
+"""Leaves of multi-hypothesis tracks: growth by the plots of a look, looks without a plot, weights and pruning. Compiled by numba.
+
+A leaf is one way to give plots to a track; its cost is the negative logarithm of its likelihood ratio against "no vessel". Rows are sorted
+by the slot of the track. A tree is the leaves of one slot, the chosen one first.
+Sources: T. Kurien, Issues in the design of practical multitarget tracking algorithms, in Multitarget-Multisensor Tracking, 1990 (trees);
+D. Musicki, R. Evans, M. Stankovic, Integrated probabilistic data association, IEEE Trans. AC 39(6), 1994 (existence).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from coastwatch.kernels.arrays import Floats, Ints
+from coastwatch.kernels.filters import imm
+from coastwatch.kernels.filters.gaussian import Estimates
+from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tracks.existence import SURELY, after, missed
+
+LEAST = 1e-12  # of the probability that a vessel gives a plot
+
+
+class LeafColumns(NamedTuple):
+    """Leaves: L rows, windows of W plots, R radars, J models."""
+
+    slot: Ints  # (L,)
+    cost: Floats  # (L,)
+    existence: Floats  # (L,) given this leaf
+    visibility: Floats  # (L,)
+    existence_time: Floats  # (L,) of both
+    misses: Ints  # (L,) looks without a plot since the newest one
+    plot: Ints  # (L, W) number of the plot of each look of the window, newest last, -1: none
+    radar_time: Floats  # (L, R) newest plot of each radar, -inf: none
+    state: Floats  # (L, J, 5)
+    covariance: Floats  # (L, J, 5, 5)
+    mode: Floats  # (L, J)
+    time: Floats  # (L,) of the newest plot
+    mean: Floats  # (L, 4)
+    spread: Floats  # (L, 4, 4)
+    noise: Floats  # (L,)
+
+
+class Look(NamedTuple):
+    """One look of a radar at trees. S slots, M plots."""
+
+    radar: int
+    period: float
+    detection: float  # probability of a plot of a visible vessel
+    time: Floats  # (S,) of the look, -inf: no plot is in a gate of the tree
+    before: Floats  # (S,) up to which the looks of this radar are in the tree
+    nobody: Floats  # (M,) density of plots of none of these tracks
+    number: int  # of the first of these plots
+
+
+@jit
+def _empty(leaves, count):  # type: ignore[no-untyped-def]
+    """Room for so many leaves like these."""
+    window, radars, models = leaves.plot.shape[1], leaves.radar_time.shape[1], leaves.mode.shape[1]
+    return LeafColumns(
+        np.empty(count, np.int64),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count, np.int64),
+        np.empty((count, window), np.int64),
+        np.empty((count, radars)),
+        np.empty((count, models, 5)),
+        np.empty((count, models, 5, 5)),
+        np.empty((count, models)),
+        np.empty(count),
+        np.empty((count, 4)),
+        np.empty((count, 4, 4)),
+        np.empty(count),
+    )
+
+
+@jit
+def _copy(leaves, i, out, k):  # type: ignore[no-untyped-def]
+    """Leaf k of out becomes leaf i."""
+    out.slot[k], out.cost[k], out.misses[k], out.time[k] = leaves.slot[i], leaves.cost[i], leaves.misses[i], leaves.time[i]
+    out.existence[k], out.visibility[k] = leaves.existence[i], leaves.visibility[i]
+    out.existence_time[k], out.noise[k] = leaves.existence_time[i], leaves.noise[i]
+    out.plot[k], out.radar_time[k], out.mode[k] = leaves.plot[i], leaves.radar_time[i], leaves.mode[i]
+    out.state[k], out.covariance[k] = leaves.state[i], leaves.covariance[i]
+    out.mean[k], out.spread[k] = leaves.mean[i], leaves.spread[i]
+
+
+@jit
+def _fade(leaves, k, time, chain):  # type: ignore[no-untyped-def]
+    """Predict existence and visibility of leaf k to a time, in place."""
+    dt = time - leaves.existence_time[k]
+    leaves.existence[k], leaves.visibility[k] = after(leaves.existence[k], leaves.visibility[k], dt, chain)
+    leaves.existence_time[k] = max(leaves.existence_time[k], time)
+
+
+@jit
+def _miss(leaves, k, detection):  # type: ignore[no-untyped-def]
+    """Leaf k after a look that gave it no plot, in place."""
+    leaves.existence[k], leaves.visibility[k], nothing = missed(leaves.existence[k], leaves.visibility[k], detection)
+    leaves.cost[k] -= math.log(nothing)
+    leaves.misses[k] += 1
+
+
+@jit
+def _take(leaves, k, m, look, columns, renewal, models, work):  # type: ignore[no-untyped-def]
+    """Leaf k takes plot m, in place. Args: work: `imm.Workspace`, z (2,), noise (2, 2)."""
+    inside, z, noise = work
+    found = max(leaves.existence[k] * leaves.visibility[k] * look.detection, LEAST)
+    z[:] = columns.position[m]
+    noise[:] = columns.covariance[m]
+    state, covariance, mode, dt = leaves.state[k], leaves.covariance[k], leaves.mode[k], columns.time[m] - leaves.time[k]
+    if dt > 0.0:
+        inside.mean[:4] = leaves.mean[k]
+        inside.spread[:4, :4] = leaves.spread[k]
+        imm.predict_from_moments(state, covariance, mode, models, dt, renewal, inside)
+        leaves.time[k] = columns.time[m]
+    else:
+        imm.bring_forward(z, noise, -dt, leaves.mean[k], leaves.spread[k])
+    log_likelihood = imm.update_filter(state, covariance, mode, z, noise, inside)
+    imm.combine(state, covariance, mode, models, k, Estimates(leaves.time, leaves.mean, leaves.spread, leaves.noise))
+    leaves.cost[k] -= math.log(found) + log_likelihood - math.log(look.nobody[m])
+    leaves.existence[k], leaves.visibility[k], leaves.misses[k] = SURELY, 1.0, 0
+    leaves.plot[k, -1] = look.number + m
+    leaves.radar_time[k, look.radar] = max(leaves.radar_time[k, look.radar], columns.time[m])
+
+
+@jit
+def grow(leaves, first, plot, look, columns, chain, renewal, models):  # type: ignore[no-untyped-def]
+    """The children of leaves: each without a plot and with each of its plots. Trees without a look stay as they are.
+
+    Args: leaves: LeafColumns; first: (L + 1,) first plot of each leaf; plot: (A,) rows of columns, PlotColumns; look: Look; chain:
+    ExistenceChain; renewal: as of `imm.predict_filter`; models: (J,) MODEL.
+    """
+    out, work = _empty(leaves, len(leaves.slot) + len(plot)), (imm.workspace(len(models)), np.empty(2), np.empty((2, 2)))
+    k = 0
+    for i in range(len(leaves.slot)):
+        _copy(leaves, i, out, k)
+        unseen = k
+        k += 1
+        n = leaves.slot[i]
+        time = look.time[n]
+        if time == -math.inf:
+            continue
+        for missing in range(int((time - look.before[n]) / look.period - 0.5)):  # one less than the turns, rounded
+            _fade(out, unseen, look.before[n] + (missing + 1) * look.period, chain)
+            _miss(out, unseen, look.detection)
+        _fade(out, unseen, time, chain)
+        for w in range(out.plot.shape[1] - 1):
+            out.plot[unseen, w] = out.plot[unseen, w + 1]
+        out.plot[unseen, -1] = -1
+        for a in range(first[i], first[i + 1]):
+            _copy(out, unseen, out, k)
+            _take(out, k, plot[a], look, columns, renewal, models, work)
+            k += 1
+        if time - leaves.radar_time[i, look.radar] > 0.5 * look.period:
+            _miss(out, unseen, look.detection)
+    return out
+
+
+@jit
+def miss_looks(leaves, turns, look, chain):  # type: ignore[no-untyped-def]
+    """Lower existence and visibility of leaves by looks of a radar without a plot, in place. Args: turns: (S,); look: Look."""
+    for i in range(len(leaves.slot)):
+        n = leaves.slot[i]
+        for missing in range(turns[n]):
+            _fade(leaves, i, look.before[n] + (missing + 1) * look.period, chain)
+            _miss(leaves, i, look.detection)
+
+
+@jit
+def cheapest(start, cost, most, gap):  # type: ignore[no-untyped-def]
+    """Which leaves are among so many of the least cost of their tree, and within the gap above the least. (L,), start: (T + 1,)"""
+    keep = np.zeros(len(cost), np.bool_)
+    for t in range(len(start) - 1):
+        first, end = start[t], start[t + 1]
+        if end - first == 1:
+            keep[first] = True
+            continue
+        order = np.argsort(cost[first:end], kind="mergesort")
+        for place in range(min(most, end - first)):
+            keep[first + order[place]] = cost[first + order[place]] <= cost[first + order[0]] + gap
+    return keep
+
+
+@jit
+def pruned(start, keep, chosen):  # type: ignore[no-untyped-def]
+    """Rows of the leaves to keep, those of a tree together, the chosen one first, and the first of each tree. Args: chosen: (T,)."""
+    rows, begin, at = np.empty(keep.sum() + len(chosen), np.int64), np.zeros(len(start), np.int64), 0
+    for t in range(len(chosen)):
+        rows[at] = chosen[t]
+        at += 1
+        for i in range(start[t], start[t + 1]):
+            if keep[i] and i != chosen[t]:
+                rows[at] = i
+                at += 1
+        begin[t + 1] = at
+    return rows[:at], begin
+
+
+@jit
+def weigh(start, cost, existence, null):  # type: ignore[no-untyped-def]
+    """The probability of each leaf (L,), and that the vessel of each tree exists (T,). Args: null: (T,) cost of "no vessel"."""
+    share, exists = np.empty(len(cost)), np.zeros(len(null))
+    for t in range(len(null)):
+        least = null[t]
+        for i in range(start[t], start[t + 1]):
+            least = min(least, cost[i])
+        total = math.exp(least - null[t])
+        for i in range(start[t], start[t + 1]):
+            share[i] = math.exp(least - cost[i])
+            total += share[i]
+        for i in range(start[t], start[t + 1]):
+            share[i] /= total
+            exists[t] += share[i] * existence[i]
+        exists[t] = min(exists[t], SURELY)
+    return share, exists

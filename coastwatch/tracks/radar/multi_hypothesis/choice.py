@@ -1,0 +1,95 @@
+"""The choice of one leaf a tree, and which leaves stay."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import Bools, Floats, Ints
+from coastwatch.tracks.radar.leaves import Forest, Leaves
+from coastwatch.tracks.radar.table import Status
+
+WIDEST = 60.0  # of the cost of "no vessel"
+TAKEN = 1e6  # added to the cost of a leaf whose plot another tree has
+
+
+class Pruning(NamedTuple):
+    """How many leaves stay; the fields are settings of `MultiHypothesis`."""
+
+    window: int
+    leaves: int
+    score_gap: float
+    price_rounds: int
+    search_nodes: int
+
+
+class Pruned(NamedTuple):
+    """The leaves of T trees that stay, the chosen one of each tree first."""
+
+    leaves: Leaves  # (L,)
+    slot: Ints  # (T,) of each tree
+    start: Ints  # (T + 1,) first leaf
+    share: Floats  # (L,) probability of each leaf
+    existence: Floats  # (T,)
+
+
+def choose_and_prune(rules: Pruning, forest: Forest, leaves: Leaves, looked: Bools, status: Ints) -> Pruned:
+    """Choose a leaf of each tree, and drop leaves that contradict what is final now, or cost too much.
+
+    Of a tree that was looked at only the children of the oldest ancestor in the window of the chosen leaf stay. A plot that one tree has
+    for good is taken from all others. Writes the costs of "no vessel" and the count of lost choices of the forest.
+    Args: leaves: grown from those of the forest; looked: (S,) trees that were looked at; status: (S,).
+    """
+    trees, start = kernels.tracks.hypothesis_trees, starts(leaves.slot)
+    kept = np.flatnonzero(trees.cheapest(start, leaves.cost, rules.leaves, rules.score_gap))
+    cost, plot, of_slot = leaves.cost[kept], leaves.plot[kept], leaves.slot[kept]
+    start = starts(of_slot)
+    slot = of_slot[start[:-1]]
+    null, seen, of = forest.null_cost[slot], looked[slot], np.repeat(np.arange(len(slot)), np.diff(start))
+    chosen, displaced = _chosen(rules, cost, plot, start, null)
+    forest.nulled[slot[seen]] = np.where(displaced, forest.nulled[slot] + 1, 0)[seen]
+    final = plot[chosen, 0]
+    keep = (plot[:, 0] == final[of]) | ~seen[of]
+    decided = np.unique(final[seen & (final >= 0)])
+    if len(decided):
+        keep &= ~np.isin(plot[:, 1:], decided).any(axis=1)
+    rows, start = trees.pruned(start, keep, chosen)
+    forest.null_cost[slot] = null = np.clip(null - cost[chosen], -WIDEST, WIDEST)
+    leaves = leaves.take(kept[rows])
+    leaves.cost[:] -= np.repeat(cost[chosen], np.diff(start))
+    share, existence = trees.weigh(start, leaves.cost, leaves.existence, null)
+    existence[ended(forest.nulled[slot], status[slot], rules.window)] = 0.0
+    return Pruned(leaves, slot, start, share, existence)
+
+
+def ended(nulled: Ints, status: Ints, window: int) -> Bools:
+    """Which trees end because others have their plots: a tentative one at once, a confirmed one after a window of looks."""
+    out: Bools = (nulled >= window) | ((nulled > 0) & (status != Status.CONFIRMED))
+    return out
+
+
+def starts(slot: Ints) -> Ints:
+    """First leaf of each tree, and the end. (T + 1,) Args: slot: (L,) of each leaf."""
+    return np.append(np.flatnonzero(np.diff(slot, prepend=-1)), len(slot))
+
+
+def _chosen(rules: Pruning, cost: Floats, plot: Ints, start: Ints, null: Floats) -> tuple[Ints, Bools]:
+    """The leaf of each tree in the global hypothesis (T,), and which trees lost it although their cheapest leaf is better than no vessel.
+
+    A tree without a leaf there has its cheapest one whose newest plot no other tree has. Args: cost, plot: (L,), (L, W) of the leaves.
+    """
+    held = plot >= 0
+    resource = np.where(held, plot - plot.min(initial=np.iinfo(np.int64).max, where=held), -1)
+    count = int(resource.max(initial=-1)) + 1
+    choose = kernels.association.global_hypothesis.choose
+    choice = choose(start, cost, resource, count, null, rules.price_rounds, rules.search_nodes)
+    has = choice.leaf >= 0
+    taken = np.zeros(count + 1, np.bool_)
+    taken[resource[choice.leaf[has], -1]] = True
+    taken[-1] = False  # of leaves without a plot
+    cheapest = kernels.tracks.hypothesis_trees.cheapest
+    free = np.flatnonzero(cheapest(start, cost + np.where(taken[resource[:, -1]], TAKEN, 0.0), 1, 0.0))
+    displaced: Bools = ~has & (np.minimum.reduceat(cost, start[:-1]) < null if len(null) else has)
+    return np.where(has, choice.leaf, free), displaced

@@ -1,0 +1,115 @@
+"""Multi-hypothesis tracks: existence by Bayes' rule, bounds of memory, no plot twice, what a memory goes on with, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from radar_world import ORIGIN_DEG, PERIOD_S, plots_of, run, two_radars, world
+
+from coastwatch.geodesy import to_plane
+from coastwatch.scenario import ScenarioError, load_scenario
+from coastwatch.server.checkpoint import load, save
+from coastwatch.tracks import TableTracker
+from coastwatch.tracks.radar.multi_hypothesis import MultiHypothesis
+
+pytestmark = pytest.mark.contract
+
+METHODS = "multi_hypothesis", "sided_multi_hypothesis"
+
+
+@pytest.fixture(scope="module")
+def dense():
+    """Forty vessels in 2 NM, so that they have leaves in common, with misses and clutter."""
+    return plots_of(world(40, 5, side_nm=2.0), two_radars(), 40.0, 5, detection=0.8, clutter_per_m2=2e-6)
+
+
+def test_the_second_plot_gives_the_existence_of_jipda():
+    """With one leaf before it, the sum over its children is what JIPDA has: the same Bayes' rule."""
+    sensors = two_radars()
+    sensors = replace(sensors, radars=sensors.radars.take(slice(1, 2)))
+    site = to_plane(sensors.radars.site_deg[0], ORIGIN_DEG)
+    truth = replace(world(1, 21, kick_m_s=0.0), start_m=site + np.array([[8000.0, 0.0]]), velocity_m_s=np.zeros((1, 2)))
+    plots = plots_of(truth, sensors, 120.0, 21)
+    found = []
+    for method in ("vimmjipda", "multi_hypothesis"):
+        memory, _ = run(TableTracker(method=method), plots, 2, sensors)
+        found.append(float(memory.table.existence[memory.table.live[0]]))
+    assert 0.1 < found[0] < 0.999
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_memory_is_bounded_and_chosen_leaves_share_no_plot(method, dense):
+    tracker = TableTracker(method=method, association=MultiHypothesis(leaves=6, window=2))
+    memory = None
+    for cycle in range(0, 12, 3):
+        memory, _ = run(tracker, dense, 3, memory=memory, first=cycle)
+        leaves, table = memory.forest.leaves, memory.table
+        slot, first, count = np.unique(leaves.slot, return_index=True, return_counts=True)
+        assert count.max() <= 6
+        assert np.isfinite(leaves.cost).all()
+        assert np.isin(table.live, slot).all()
+        confirmed = first[(table.existence[slot] > 0.9) & np.isin(slot, table.live)]
+        newest = leaves.plot[confirmed].ravel()
+        newest = newest[newest >= 0]
+        assert len(np.unique(newest)) == len(newest)
+    assert len(leaves) > len(slot)
+
+
+def test_ships_abreast_stay_two():
+    """Two ships 60 m apart on one course, seen by both radars from 4 km: two tracks throughout."""
+    one = world(1, 18)
+    place = to_plane(two_radars().radars.site_deg[0], ORIGIN_DEG) + np.array([[4000.0, -500.0], [4060.0, -500.0]])
+    pair = replace(
+        one,
+        start_m=place,
+        velocity_m_s=np.tile([0.0, 5.0], (2, 1)),
+        rate_rad_s=np.zeros(2),
+        kick_s=np.repeat(one.kick_s, 2, axis=0),
+        kick_m_s=np.zeros((2, one.kick_m_s.shape[1], 2)),
+    )
+    _, out = run(TableTracker(method="multi_hypothesis"), plots_of(pair, two_radars(), 120.0, 18), 40)
+    assert [len(tracks) for tracks in out[12:]] == [2] * 28
+
+
+def test_tracks_of_another_method_go_on_with_their_ids(dense):
+    memory, before = run(TableTracker(method="vimmjipda"), dense, 8)
+    _, after = run(TableTracker(method="multi_hypothesis"), dense, 2, memory=memory, first=8)
+    assert len(before[-1]) > 20
+    assert np.isin(before[-1].track_id, after[-1].track_id).mean() > 0.8
+
+
+def test_a_memory_of_another_window_is_refused(dense):
+    memory, _ = run(TableTracker(method="multi_hypothesis"), dense, 3)
+    other = TableTracker(method="multi_hypothesis", association=MultiHypothesis(window=5))
+    with pytest.raises(ValueError, match=r"memory of radar tracks: got a window of 3, needed 5"):
+        run(other, dense, 1, memory=memory, first=3)
+
+
+def test_leaves_of_no_slot_are_refused(dense):
+    memory, _ = run(TableTracker(method="multi_hypothesis"), dense, 3)
+    memory.forest.leaves.slot[0] = 10**6
+    with pytest.raises(ValueError, match=r"Leaves\.slot"):
+        load(save(memory))
+
+
+def test_bad_settings_are_refused_with_their_path():
+    chosen = {"tracks.method": "multi_hypothesis", "tracks.association.window": "0"}
+    with pytest.raises(ScenarioError, match=r"tracks\.association"):
+        load_scenario("context-driven-100", chosen)
+    with pytest.raises(ValidationError, match=r"messages\.method: got 'sequential', needed 'none'"):
+        TableTracker(method="multi_hypothesis", messages={"method": "sequential"})
+    with pytest.raises(ValidationError, match=r"bank\.method: got 'particles', needed 'compiled'"):
+        TableTracker(method="multi_hypothesis", bank={"method": "particles"})
+
+
+def test_a_lost_track_ends_and_its_id_is_not_used_again():
+    plots = plots_of(world(30, 12), two_radars(), 120.0, 12)
+    silent = plots.take((plots.time_s < 30.0) | (plots.time_s > 75.0))
+    _, out = run(TableTracker(method="multi_hypothesis"), silent, 40)
+    assert len(out[9]) > 10
+    assert len(out[int(72.0 / PERIOD_S) - 1]) == 0
+    assert out[35].track_id.min() > out[9].track_id.max()
