@@ -1,4 +1,4 @@
-"""The flow of a regional centre: the reports of its radars become plots, and the plots become tracks.
+"""The flow of a regional centre: the video of its radars becomes reports, these become plots, and the plots tracks.
 
 A regional centre knows its own radars only, so its cost and memory do not depend on the other regions. It may run in another process
 or on another machine (`coastwatch.workers`). What goes there and back are `RegionReports` and `RegionCycle`.
@@ -22,8 +22,9 @@ from coastwatch.batches import (
     Sensors,
     StandingEchoes,
     Tracks,
+    Videos,
 )
-from coastwatch.plots import PlotConverter, PolarMemory
+from coastwatch.plots import ExtractionInput, ExtractionMemory, PlotConverter, PlotExtractor, PolarMemory
 from coastwatch.scenario import Scenario
 from coastwatch.stage import Groups, Running
 from coastwatch.tracks import ForestMemory, RadarMemory, RadarTracker, RegionInput
@@ -33,6 +34,7 @@ from coastwatch.tracks import ForestMemory, RadarMemory, RadarTracker, RegionInp
 class RegionMemory:
     """The memory of a regional centre between two cycles: plain data."""
 
+    extraction: ExtractionMemory
     plots: PolarMemory
     tracks: RadarMemory | ForestMemory
     dropped: int  # plots that are not finite or from the future, since the start
@@ -49,6 +51,7 @@ class RegionReports:
     sensors: Sensors  # with these radars
     radars: Ints  # (R,) their numbers among all, in order
     region: int
+    video: Videos = Videos()  # of these radars
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,26 +66,28 @@ class RegionCycle:
 
 def start_region(scenario: Scenario) -> RegionMemory:
     """The memory of a regional centre before the first cycle."""
-    return RegionMemory(scenario.plots.init(), scenario.tracks.init(), 0)
+    return RegionMemory(scenario.extraction.init(), scenario.plots.init(), scenario.tracks.init(), 0)
 
 
 def step_of_regions(scenario: Scenario) -> Callable[[RegionMemory, RegionReports], tuple[RegionMemory, RegionCycle]]:
     """One cycle of a regional centre, as a `coastwatch.stage.RegionMap` takes it."""
-    return partial(run_regional_centre, scenario.plots, scenario.tracks)
+    return partial(run_regional_centre, scenario.extraction, scenario.plots, scenario.tracks)
 
 
 def run_regional_centre(
-    converter: PlotConverter, tracker: RadarTracker, memory: RegionMemory, given: RegionReports
+    extractor: PlotExtractor, converter: PlotConverter, tracker: RadarTracker, memory: RegionMemory, given: RegionReports
 ) -> tuple[RegionMemory, RegionCycle]:
     """One cycle of a regional centre. Tracks that hold plots of a radar whose corrections have jumped are dropped."""
     sensors, radars = given.sensors, given.radars
-    plots_memory, plots = converter.step(memory.plots, given.reports, sensors, given.corrections)
+    extraction_memory, extracted = extractor.step(memory.extraction, ExtractionInput(given.video, sensors))
+    reports = RadarReports.join([given.reports, extracted]) if len(extracted) else given.reports
+    plots_memory, plots = converter.step(memory.plots, reports, sensors, given.corrections)
     jumped = given.corrections.jumped
     tracks_memory, found = Running(tracker, memory.tracks).next(
         RegionInput(plots, given.messages, jumped, given.time_s, sensors, given.region)
     )
     measurements, standing = found.measurements, found.standing_echoes
-    after = RegionMemory(plots_memory, tracks_memory, memory.dropped + found.dropped)
+    after = RegionMemory(extraction_memory, plots_memory, tracks_memory, memory.dropped + found.dropped)
     return after, RegionCycle(
         found.tracks,
         replace(measurements, sensor=radars[measurements.sensor]),
@@ -92,11 +97,16 @@ def run_regional_centre(
 
 
 def reports_of_regions(
-    reports: RadarReports, messages: list[Messages], corrections: RadarCorrections, time_s: float, sensors: Sensors
+    reports: RadarReports,
+    messages: list[Messages],
+    corrections: RadarCorrections,
+    time_s: float,
+    sensors: Sensors,
+    video: Videos,
 ) -> tuple[list[RegionReports], int]:
     """What each regional centre is given, and how many reports are of an unknown radar.
 
-    Args: reports, corrections: of all radars; messages: for each region.
+    Args: reports, corrections, video: of all radars; messages: for each region.
     """
     radars = sensors.radars
     known = (reports.sensor >= 0) & (reports.sensor < len(radars))
@@ -116,6 +126,7 @@ def reports_of_regions(
                 replace(sensors, radars=radars.take(own)),
                 own,
                 k,
+                Videos(tuple(replace(p, sensor=int(np.searchsorted(own, p.sensor))) for p in video.parts if p.sensor in own)),
             )
         )
     return given, int((~known).sum())

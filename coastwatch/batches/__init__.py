@@ -4,6 +4,7 @@ Axis letters, fixed once:
     M reports or plots      N tracks          V vessels (truth, fused, picture)     A associated pairs
     K spots                 W window          L members (track in vessel)           H halo entries
     T instants              J models of an IMM (kernels only)
+    S spokes of video       C cells of a spoke
 
 Positions are latitude, longitude in degrees (WGS 84); velocities are metres a second east, north; times are seconds since
 the Unix epoch, UTC. A covariance of a track is of east, north, east rate, north rate in the local tangent plane at the track.
@@ -41,6 +42,7 @@ from coastwatch.batches.sensors import (
     TrackSources,
 )
 from coastwatch.batches.struct import Batch, Struct, column
+from coastwatch.batches.video import RadarVideo, Videos
 from coastwatch.batches.yields import (
     COVER_AZIMUTHS,
     COVER_RANGES,
@@ -119,6 +121,7 @@ __all__ = [
     "RadarCorrections",
     "RadarCover",
     "RadarReports",
+    "RadarVideo",
     "Radars",
     "Recording",
     "RegistrationState",
@@ -142,6 +145,7 @@ __all__ = [
     "VesselAlarms",
     "VesselBearings",
     "VesselClass",
+    "Videos",
     "column",
     "cover_cell",
     "joint_keys",

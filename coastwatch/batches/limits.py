@@ -14,6 +14,7 @@ import numpy as np
 
 from coastwatch.batches.reports import AisReports, BearingReports, RadarReports, Reports, TrackReports
 from coastwatch.batches.struct import Batch
+from coastwatch.batches.video import RadarVideo, Videos
 from coastwatch.kernels.arrays import Bools, Floats
 
 HIGHEST_LATITUDE_DEG = 85.0
@@ -74,6 +75,17 @@ def track_faults(tracks: TrackReports) -> Masks:
     }
 
 
+def video_faults(video: RadarVideo) -> Masks:
+    """Which spokes are none, by kind. (S,) each."""
+    far_m = video.first_m + video.cell_m * video.level.shape[1]
+    return {
+        "time": _no_time(video.time_s, video.received_s),
+        "range": np.full(len(video), not far_m <= MOST_RANGE_M),
+        "azimuth": ~(np.abs(video.azimuth_rad) <= 2.0 * np.pi),
+        "site": ~_is_on_earth(video.site_deg),
+    }
+
+
 FAULTS: Mapping[str, Callable[[Any], Masks]] = MappingProxyType(
     {"radar": radar_faults, "bearing": bearing_faults, "ais": ais_faults, "tracks": track_faults}
 )
@@ -94,13 +106,22 @@ def within(batch: Of, faults: Masks) -> tuple[Of, dict[str, Bools]]:
 
 def reports_within(reports: Reports) -> tuple[Reports, dict[str, int]]:
     """The reports within all bounds, and how many of the others there are, by kind."""
-    kept, counts = {}, dict[str, int]()
+    kept: dict[str, Any] = {}
+    counts: dict[str, int] = {}
     for name, faults in FAULTS.items():
         batch = getattr(reports, name)
         if not len(batch):
             continue
         kept[name], found = within(batch, faults(batch))
         counts.update({f"{name}: {kind}": int(mask.sum()) for kind, mask in found.items()})
+    spokes = []
+    for video in reports.video.parts:
+        masks = {kind: mask for kind, mask in video_faults(video).items() if mask.any()}
+        spokes.append(video.take(~np.logical_or.reduce(list(masks.values()))) if masks else video)
+        for kind, mask in masks.items():
+            counts[f"video: {kind}"] = counts.get(f"video: {kind}", 0) + int(mask.sum())
+    if any(kind.startswith("video") for kind in counts):
+        kept["video"] = Videos(tuple(spokes))
     return (replace(reports, **kept), counts) if counts else (reports, counts)
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from coastwatch.batches.struct import Batch, Struct, column, column_or_none, optional_column
+from coastwatch.batches.video import Videos
 from coastwatch.kernels.arrays import Array, Bools, Floats, Ints
 
 
@@ -26,6 +27,8 @@ class RadarReports(Batch):
     origin: Ints = column(np.int64, "M")
     range_sigma_m: Floats = optional_column("M")  # standard deviation of this plot; NaN: that of the radar
     azimuth_sigma_deg: Floats = optional_column("M")  # the same
+    # Second moments of the echo, m2: along the beam, along and across, across; beam and pulse are in it. NaN: not measured.
+    extent: Floats = optional_column("M", 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,12 +100,16 @@ class Reports:
     statics: AisStatics
     bearing: BearingReports
     tracks: TrackReports = field(default_factory=TrackReports.empty)
+    video: Videos = Videos()
 
     def between(self, after_s: float, until_s: float) -> Reports:
         """The reports with after_s < received_s <= until_s; each part must be sorted by received_s."""
-        parts = [getattr(self, f.name) for f in fields(self)]
-        ends = (np.searchsorted(part.received_s, [after_s, until_s], side="right") for part in parts)
-        return Reports(*(part.take(slice(*rows)) for part, rows in zip(parts, ends, strict=True)))
+        cut: dict[str, Any] = {"video": self.video.between(after_s, until_s)}
+        for name in (f.name for f in fields(self) if f.name != "video"):
+            part = getattr(self, name)
+            first, end = np.searchsorted(part.received_s, [after_s, until_s], side="right").tolist()
+            cut[name] = part.take(slice(first, end))
+        return Reports(**cut)
 
     def __len__(self) -> int:
         return sum(len(getattr(self, f.name)) for f in fields(self))
@@ -115,8 +122,8 @@ class Reports:
     @classmethod
     def merged(cls, parts: Sequence[Reports]) -> Reports:
         """The reports of all parts, each kind in order of arrival; equal times in order of the parts."""
-        out = {}
-        for name in (f.name for f in fields(cls)):
+        out: dict[str, Any] = {"video": Videos.merged([part.video for part in parts])}
+        for name in (f.name for f in fields(cls) if f.name not in out):
             every = [getattr(part, name) for part in parts]
             some = [part for part in every if len(part)]
             out[name] = (some or every)[0]
@@ -245,6 +252,11 @@ class Recording:
     noise: Noise | None = None  # of simulated sensors
     contents: tuple[FileContent, ...] = ()  # of the files that are read at once
     feeds: tuple[str, ...] = ()  # names of the feeds of AIS, by number
+    beside: Reports = field(default_factory=Reports.empty)  # of a simulated stream: all its reports but video, for scores
+
+    def for_scores(self) -> Reports:
+        """All reports but video, as often as asked; of a stream those that are known."""
+        return self.reports if isinstance(self.reports, Reports) else self.beside
 
     def whole(self) -> Reports:
         """All reports; of a stream those that are left, which empties it."""

@@ -7,7 +7,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from coastwatch.batches.struct import Batch, column
+from coastwatch.batches.struct import Batch, column, optional_column
 from coastwatch.kernels.arrays import Array, Floats, Ints
 
 ID_STRIDE = 2**40
@@ -25,6 +25,10 @@ class Radars(Batch):
     period_s: Floats = column(np.float64, "R")  # of one turn
     range_sigma_m: Floats = column(np.float64, "R")
     azimuth_sigma_rad: Floats = column(np.float64, "R")
+    beam_rad: Floats = optional_column("R")  # width at half power, for video
+    pulse_m: Floats = optional_column("R")  # length in range
+    blind_m: Floats = optional_column("R")  # nothing nearer is looked for in video
+    db_per_level: Floats = optional_column("R")  # of video; 0: its levels are linear in amplitude
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,12 +131,14 @@ def _heard(reports: Reports, ais_tracks: Tracks, before: Habits, time_s: float, 
     radars, sources, stations = len(sensors.radars), len(sensors.track_sources), len(sensors.stations)
     whole = radars + sources
     count, newest_s = np.zeros(len(before)), np.full(len(before), -np.inf)
+    spokes = [(0, radars, np.full(len(part), part.sensor), part.received_s) for part in reports.video.parts]
     for first, rows, sensor, received_s in (
         (0, radars, reports.radar.sensor, reports.radar.received_s),
         (radars, sources, reports.tracks.sensor, reports.tracks.received_s),
+        *spokes,
     ):
         is_counted = (sensor >= 0) & (sensor < rows) & np.isfinite(received_s)
-        count[first : first + rows] = np.bincount(sensor[is_counted], minlength=rows)
+        count[first : first + rows] += np.bincount(sensor[is_counted], minlength=rows)
         np.maximum.at(newest_s, first + sensor[is_counted], received_s[is_counted])
     amount, has_own, ais = count.copy(), before.has_own.copy(), reports.ais
     timed = np.isfinite(ais.received_s)

@@ -3,5 +3,6 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__, submodules=["association", "bearings", "filters", "fusion", "geometry", "identity", "tables", "threads", "tracks"]
+    __name__,
+    submodules=["association", "bearings", "filters", "fusion", "geometry", "identity", "tables", "threads", "tracks", "video"],
 )

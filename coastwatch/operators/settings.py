@@ -36,6 +36,8 @@ UNITS = {
     "_m2": "m2",
     "_nm": "NM",
     "_kn": "kn",
+    "db_per_level": "dB",
+    "_db": "dB",
     "_deg": "deg",
     "_rad": "rad",
     "_ms": "ms",

@@ -1,11 +1,20 @@
-"""Radar reports as points of a region's plane: the methods of the stage."""
+"""Radar video as plots, and plots as points of a region's plane: the methods of both stages."""
 
 from typing import Annotated
 
 from pydantic import Field
 
 from coastwatch.plots.polar import PolarConversion, PolarMemory
+from coastwatch.plots.video import CfarExtraction, ExtractionInput, ExtractionMemory, PlotExtractor
 
 PlotConverter = Annotated[PolarConversion, Field()]
 
-__all__ = ["PlotConverter", "PolarConversion", "PolarMemory"]
+__all__ = [
+    "CfarExtraction",
+    "ExtractionInput",
+    "ExtractionMemory",
+    "PlotConverter",
+    "PlotExtractor",
+    "PolarConversion",
+    "PolarMemory",
+]

@@ -22,7 +22,7 @@ from coastwatch.cover import LearntCover, RadarCoverage, UsualPauses
 from coastwatch.errors import InputError
 from coastwatch.fused_tracks import CentralImm, Fuser
 from coastwatch.picture import Identity
-from coastwatch.plots import PlotConverter, PolarConversion
+from coastwatch.plots import CfarExtraction, PlotConverter, PlotExtractor, PolarConversion
 from coastwatch.registration import OnlineRegistration, Registrar
 from coastwatch.scenario.sites import Area, Name, Radar, Sonar, Station, TrackSource, sensors_of
 from coastwatch.sensors import Feed, Tables
@@ -121,6 +121,7 @@ class Scenario(Settings):
     track_sources: tuple[TrackSource, ...] = ()
     zones: tuple[Zone, ...] = ()
     input: Feed
+    extraction: PlotExtractor = CfarExtraction()
     plots: PlotConverter = PolarConversion()
     tracks: RadarTracker = TableTracker(method="guided_vimmjipda")
     ais_tracks: AisTracker = AisFilter()
@@ -166,6 +167,7 @@ class Scenario(Settings):
         names = [radar.name for radar in self.radars]
         stages = {"plots": self.plots, "tracks": self.tracks}
         by_radar = dict(table for path, stage in stages.items() for table in _tables(stage, path))
+        by_radar["extraction.masks.sectors"] = {s.radar: s for s in self.extraction.masks.sectors if s.radar}
         for path, table in by_radar.items():
             for name in table:
                 if name not in names:

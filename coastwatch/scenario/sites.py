@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from coastwatch.batches import Array, Floats, Radars, Sensors, Sonars, Stations, TrackSources
 from coastwatch.errors import InputError
 from coastwatch.geodesy import NAUTICAL_MILE_M
-from coastwatch.stage import Latitude, Longitude, Positive, Settings
+from coastwatch.stage import Latitude, Longitude, NotNegative, Positive, Settings
 
 Name = Annotated[str, Field(min_length=1, max_length=32)]
 
@@ -36,6 +36,10 @@ class Radar(Settings):
     rpm: Positive
     range_noise_m: Positive = 10.0
     azimuth_noise_deg: Positive = 0.3
+    beam_deg: Positive = 1.0  # width of the beam at half power, for video
+    pulse_m: Positive = 45.0  # length of the pulse in range, for video
+    blind_m: NotNegative = 250.0  # in video no plot is nearer
+    db_per_level: NotNegative = 0.5  # a step of its video; 0: its levels are linear in amplitude
 
     @model_validator(mode="after")
     def _has_both_or_none(self) -> Self:
@@ -99,6 +103,10 @@ def sensors_of(
             period_s=60.0 / _column(radars, "rpm"),
             range_sigma_m=_column(radars, "range_noise_m"),
             azimuth_sigma_rad=np.radians(_column(radars, "azimuth_noise_deg")),
+            beam_rad=np.radians(_column(radars, "beam_deg")),
+            pulse_m=_column(radars, "pulse_m"),
+            blind_m=_column(radars, "blind_m"),
+            db_per_level=_column(radars, "db_per_level"),
         ),
         stations=Stations(
             name=_names(stations), site_deg=_sites(stations), range_m=_column(stations, "range_nm") * NAUTICAL_MILE_M

@@ -107,14 +107,16 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
         instants=tally.instants + 1,
         counted=(*tally.counted, (cycle.time_s, fused_errors.origin)) if recording.noise is not None else (),
     )
-    return _watched(tally, recording.truth, cycle, recording.whole().ais, recording.silenced, sensors) if has_truth else tally
+    return (
+        _watched(tally, recording.truth, cycle, recording.for_scores().ais, recording.silenced, sensors) if has_truth else tally
+    )
 
 
 def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, dict[str, float | int | None]]:
     """All scores, by stage; empty where there is no truth. A figure with nothing to count is None."""
     if recording.truth is None:
         return {}
-    ais = recording.whole().ais
+    ais = recording.for_scores().ais
     best = _bound_errors(tally, recording, ais)
     parts = {
         "bound": best,
@@ -183,7 +185,7 @@ def _bound_errors(tally: Tally, recording: Recording, ais: AisReports) -> Errors
     rows = np.flatnonzero(np.isin(truth.vessel, np.concatenate([origin for _, origin in tally.counted])))
     few = rows_of_vessels(truth, rows)
     times = np.array([time_s for time_s, _ in tally.counted])
-    best = bound(few, recording.whole().radar, ais, noise, times)
+    best = bound(few, recording.for_scores().radar, ais, noise, times)
     total = Errors()
     for t, (time_s, origin) in enumerate(tally.counted):
         now = truth.at(time_s)

@@ -12,9 +12,25 @@ from coastwatch.sensors.recorded.tables.feed import Tables
 from coastwatch.sensors.simulated.crossing import Crossing
 from coastwatch.sensors.simulated.simulation import Simulated
 from coastwatch.sensors.simulated.start_states import StartStates
+from coastwatch.sensors.simulated.video import SimulatedVideo
 
 Feed = Annotated[
-    Simulated | Nmea | AisTable | Tables | Autoferry | Solent | Crossing | StartStates, Field(discriminator="method")
+    Simulated | Nmea | AisTable | Tables | Autoferry | Solent | Crossing | StartStates | SimulatedVideo,
+    Field(discriminator="method"),
 ]
+SIMULATIONS = (Simulated, Crossing, StartStates, SimulatedVideo)
+"""Feeds without a time of their own: they may begin now."""
 
-__all__ = ["AisTable", "Autoferry", "Crossing", "Feed", "Nmea", "Simulated", "Solent", "StartStates", "Tables"]
+__all__ = [
+    "SIMULATIONS",
+    "AisTable",
+    "Autoferry",
+    "Crossing",
+    "Feed",
+    "Nmea",
+    "Simulated",
+    "SimulatedVideo",
+    "Solent",
+    "StartStates",
+    "Tables",
+]

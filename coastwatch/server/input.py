@@ -9,6 +9,7 @@ from typing import Protocol
 
 from coastwatch.batches import Recording, Sensors
 from coastwatch.scenario import Scenario
+from coastwatch.sensors import SIMULATIONS
 from coastwatch.server import clock
 from coastwatch.server.link import FeedState
 from coastwatch.stage import Plan
@@ -88,7 +89,7 @@ class Paced:
     ) -> tuple[Recording, Plan]:
         """As of `Input`."""
         plan = scenario.plan()
-        simulated = scenario.input.method in ("simulated", "crossing", "start_states")
+        simulated = isinstance(scenario.input, SIMULATIONS)
         if simulated:
             plan = plan.model_copy(update={"start_s": float(int(clock.now_s()))})
         recording = scenario.input.load(sensors, seed, plan)

@@ -10,12 +10,13 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from coastwatch.batches import Floats, Sensors
+from coastwatch.batches import Floats, Reports, Sensors
 from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import offset_deg
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.simulated.ais import AisTruth
 from coastwatch.sensors.simulated.simulation import Simulated
+from coastwatch.sensors.simulated.video import SimulatedVideo
 from coastwatch.stage import Plan, serial, serial_regions
 from coastwatch.workers import Workers
 
@@ -46,6 +47,7 @@ def warm_up(scenario: Scenario, sensors: Sensors, report: Callable[[str], None],
     scenario = _with_spots(scenario, several=workers.spots is not serial)
     plan = Plan(start_s=START_S, period_s=scenario.period_s, cycles=CYCLES)
     reports, memory, before_s = sea.load(sensors, 0, plan).reports, start_run(scenario, sensors), -np.inf
+    video = scenario.input.load(sensors, 0, plan).reports if isinstance(scenario.input, SimulatedVideo) else Reports.empty()
     begun: list[str] = []
 
     @contextmanager
@@ -57,7 +59,7 @@ def warm_up(scenario: Scenario, sensors: Sensors, report: Callable[[str], None],
 
     for number in range(CYCLES):
         now_s = plan.instant_s(number)
-        arrived = reports.between(before_s, now_s)
+        arrived = Reports.merged([reports.between(before_s, now_s), video.between(before_s, now_s)])
         memory, _ = run_cycle(scenario, sensors, memory, arrived, now_s, workers.spots, announced, workers.regions)
         before_s = now_s
 

@@ -15,7 +15,7 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from coastwatch.batches import Messages, RadarCorrections, RadarReports
+from coastwatch.batches import Messages, RadarCorrections, RadarReports, Videos
 from coastwatch.kernels.threads import threads
 from coastwatch.operators.cli.arguments import count, names
 from coastwatch.regional import reports_of_regions, start_region, step_of_regions
@@ -54,7 +54,7 @@ class Run:
         wall_s, begun = time.perf_counter(), processor_s()
         none, now_s = RadarCorrections.none(len(sensors.radars)), self.world.plan.instant_s(number)
         messages = [Messages.empty()] * len(sensors.region_names)
-        given, _ = reports_of_regions(reports, messages, none, now_s, sensors)
+        given, _ = reports_of_regions(reports, messages, none, now_s, sensors, Videos())
         found = self.regions(step_of_regions(scenario), self.memories, given[: len(self.memories)])
         self.memories = [memory for memory, _ in found]
         if self.gather:

@@ -30,6 +30,7 @@ SHORTENED: dict[str, dict[str, str]] = {
     "context-driven-500": FEW,
     "context-driven-1000": FEW,
     "guanabara": {"input.count": "60"},
+    "heymann-table-1": {"cycles": "60"},
     "misregistered-radars": FEW,
     "rangel-figure-3": FEW,
     "rangel-literal-noise": FEW,

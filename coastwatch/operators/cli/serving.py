@@ -30,6 +30,7 @@ from coastwatch.operators.api.slow_requests import Frames, SlowRequestGuard
 from coastwatch.operators.api.tokens import Tokens, add
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
 from coastwatch.scenario import load_scenario
+from coastwatch.sensors import SIMULATIONS
 from coastwatch.server.alarm_book import AlarmBook
 from coastwatch.server.deployment import Deployment, deployment, with_zones
 from coastwatch.server.feeds.address import parsed
@@ -229,7 +230,7 @@ def feed(options: argparse.Namespace) -> int:
         batches = of_file(Path(options.source), [address.format for address in addresses])
     else:
         scenario = load_scenario(options.source, dict(options.settings))
-        simulated = scenario.input.method in ("simulated", "crossing", "start_states")
+        simulated = isinstance(scenario.input, SIMULATIONS)
         now = simulated and options.speed == 1.0
         batches = of_scenario(scenario, scenario.sensors(), [address.format for address in addresses], now=now)
     stop = threading.Event()

@@ -209,6 +209,9 @@ def last_reports(before: LastReport, reports: Reports) -> LastReport:
         np.maximum.at(newest_s, part.sensor, part.received_s)
         for sensor in np.flatnonzero(newest_s > -np.inf).tolist():
             last[kind, sensor] = max(float(newest_s[sensor]), last.get((kind, sensor), -np.inf))
+    for video in reports.video.parts:
+        if len(video):
+            last["radar", video.sensor] = max(float(video.received_s.max()), last.get(("radar", video.sensor), -np.inf))
     if len(reports.ais):
         newest = float(reports.ais.received_s.max())
         last["ais", 0] = max(newest, last.get(("ais", 0), newest))

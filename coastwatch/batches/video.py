@@ -1,0 +1,65 @@
+"""Radar video: the level of each cell of each spoke, before anything is detected in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from coastwatch.batches.struct import Struct, column
+from coastwatch.kernels.arrays import Array, Floats
+
+
+@dataclass(frozen=True, eq=False)
+class RadarVideo(Struct):
+    """Spokes of one radar at one range scale, in order of arrival. A spoke that was lost is no row."""
+
+    sensor: int  # index into the scenario's radars
+    first_m: float  # range of the near edge of the first cell
+    cell_m: float  # length of a cell
+    time_s: Floats = column(np.float64, "S")  # of the beam
+    received_s: Floats = column(np.float64, "S")
+    azimuth_rad: Floats = column(np.float64, "S")  # true, of the middle of the spoke, 0 to 2 pi
+    site_deg: Floats = column(np.float64, "S", 2)  # where the antenna was
+    level: Array = column(np.uint8, "S", "C")  # see `Radars.db_per_level`
+    # Range of each true vessel where the spoke points near it, NaN elsewhere; no vessel where the video is not simulated.
+    vessel_m: Floats = field(default_factory=lambda: np.zeros((0, 0)), metadata=column(np.float64, "S", "V").metadata)
+
+    def __post_init__(self) -> None:
+        if not len(self.vessel_m):
+            object.__setattr__(self, "vessel_m", np.zeros((len(self), 0)))
+        super().__post_init__()
+        if not (self.cell_m > 0.0 and self.first_m >= 0.0):
+            raise ValueError(
+                f"RadarVideo.cell_m, first_m: got {self.cell_m}, {self.first_m}, needed more than 0, and 0 or more"
+            )
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def take(self, rows: Array | slice) -> RadarVideo:
+        """The spokes at these indices or under this mask, in that order."""
+        names = ("time_s", "received_s", "azimuth_rad", "site_deg", "level", "vessel_m")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+
+@dataclass(frozen=True)
+class Videos:
+    """The video of several radars and range scales. Parts of one radar are in order of arrival."""
+
+    parts: tuple[RadarVideo, ...] = ()
+
+    def __len__(self) -> int:
+        return sum(map(len, self.parts))
+
+    def between(self, after_s: float, until_s: float) -> Videos:
+        """The spokes with after_s < received_s <= until_s."""
+        ends = [np.searchsorted(part.received_s, [after_s, until_s], side="right").tolist() for part in self.parts]
+        return Videos(tuple(part.take(slice(*rows)) for part, rows in zip(self.parts, ends, strict=True) if rows[0] < rows[1]))
+
+    @staticmethod
+    def merged(several: Sequence[Videos]) -> Videos:
+        """The parts of all in order of their first spokes."""
+        parts = [part for videos in several for part in videos.parts if len(part)]
+        return Videos(tuple(sorted(parts, key=lambda part: float(part.received_s[0]))))

@@ -1,0 +1,13 @@
+"""Radar video to plots in polar coordinates: the methods of the stage."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from coastwatch.plots.video.absolute import AbsoluteExtraction
+from coastwatch.plots.video.cfar import CfarExtraction
+from coastwatch.plots.video.spokes import ExtractionInput, ExtractionMemory
+
+PlotExtractor = Annotated[CfarExtraction | AbsoluteExtraction, Field(discriminator="method")]
+
+__all__ = ["AbsoluteExtraction", "CfarExtraction", "ExtractionInput", "ExtractionMemory", "PlotExtractor"]

@@ -1,0 +1,66 @@
+"""From video to tracks: a regional centre extracts, the trackers of today follow, and a checkpoint changes nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from coastwatch.batches import Messages, RadarCorrections, RadarReports, Videos
+from coastwatch.cycle import run_cycle, start_run
+from coastwatch.geodesy import difference_m
+from coastwatch.regional import reports_of_regions
+from coastwatch.scenario import load_scenario
+from coastwatch.server.checkpoint import load, save
+from coastwatch.server.timing import Stopwatch
+from coastwatch.stage import serial
+
+pytestmark = pytest.mark.contract
+
+QUICK = {"radars.0.range_nm": "3.0", "input.cells": "512", "cycles": "15"}
+
+
+def cycles(scenario, saved_at=None):
+    """Yields the picture of each cycle and its truth."""
+    sensors, plan = scenario.sensors(), scenario.plan()
+    recording, memory = scenario.input.load(sensors, 2001, plan), start_run(scenario, sensors)
+    for number in range(plan.cycles):
+        reports = recording.reports.between(plan.start_s if number == 0 else plan.instant_s(number - 1), plan.instant_s(number))
+        memory, cycle = run_cycle(scenario, sensors, memory, reports, plan.instant_s(number), serial, Stopwatch())
+        if number == saved_at:
+            memory = load(save(memory))
+            recording = scenario.input.load(sensors, 2001, plan)
+        yield cycle, recording.truth.at(cycle.time_s)
+
+
+def test_two_tugs_are_found_in_video_and_followed():
+    scenario = load_scenario("heymann-table-1", QUICK)
+    found = list(cycles(scenario))
+    for cycle, truth in found[8:]:
+        assert len(cycle.tracks) == 2
+        assert sorted(cycle.tracks.origin.tolist()) == [0, 1]
+        off = difference_m(cycle.tracks.position_deg, truth.position_deg[np.argsort(np.argsort(cycle.tracks.origin))])
+        assert np.hypot(*off.T).max() < 60.0
+        assert len(cycle.picture) == 2
+
+
+def test_a_run_that_is_saved_in_mid_turn_goes_on_to_the_bit():
+    scenario = load_scenario("heymann-table-1", QUICK | {"period_s": "1.7", "cycles": "12"})
+    want, got = list(cycles(scenario)), list(cycles(scenario, saved_at=5))
+    for (one, _), (other, _) in zip(want, got, strict=True):
+        assert np.array_equal(one.tracks.position_deg, other.tracks.position_deg)
+        assert np.array_equal(one.picture.vessel_id, other.picture.vessel_id)
+
+
+def test_each_region_is_given_the_video_of_its_own_radars():
+    scenario = load_scenario("heymann-table-1", QUICK)
+    radar = scenario.radars[0]
+    others = (radar, radar.model_copy(update={"name": "far", "region": "other"}))
+    scenario = scenario.model_copy(update={"radars": others})
+    sensors, plan = scenario.sensors(), scenario.plan()
+    video = scenario.input.load(sensors, 1, plan).reports.between(plan.start_s, plan.instant_s(0)).video
+    assert {part.sensor for part in video.parts} == {0, 1}
+    none = RadarCorrections.none(2)
+    given, _ = reports_of_regions(RadarReports.empty(), [Messages.empty()] * 2, none, plan.instant_s(0), sensors, video)
+    assert [[part.sensor for part in one.video.parts] for one in given] == [[0], [0]]
+    assert given[1].video.parts[0].level is not given[0].video.parts[0].level
+    assert isinstance(given[0].video, Videos)

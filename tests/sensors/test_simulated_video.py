@@ -1,0 +1,126 @@
+"""Simulated video does what its settings say, and is the same wherever it is read."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from coastwatch.geodesy import offset_deg, to_plane
+from coastwatch.scenario import load_scenario
+from coastwatch.sensors.simulated.video import motion_of
+
+pytestmark = pytest.mark.contract
+
+SMALL = {"radars.0.range_nm": "3.0", "input.cells": "256", "input.spokes": "512", "cycles": "6"}
+SITE = np.array([54.3, 12.0])
+
+
+def recorded(seed=1, **settings):
+    scenario = load_scenario("heymann-table-1", SMALL | {key.replace("__", "."): str(value) for key, value in settings.items()})
+    return scenario.input.load(scenario.sensors(), seed, scenario.plan()), scenario
+
+
+def video(recording, after_s, until_s):
+    return recording.reports.between(after_s, until_s).video.parts
+
+
+def ships(*places_m, length_m=32.0):
+    """Ships that lie still. Args: places_m: east and north of the radar, and heading."""
+    at = [(offset_deg(SITE, np.array(place[:2])), place[2]) for place in places_m]
+    rows = [
+        f"{{latitude_deg = {p[0]}, longitude_deg = {p[1]}, course_deg = {course}, length_m = {length_m}}}" for p, course in at
+    ]
+    return f"[{', '.join(rows)}]"
+
+
+def test_the_stream_is_the_same_wherever_it_is_cut_and_begins():
+    whole, scenario = recorded(3)
+    start_s = scenario.plan().start_s
+    want = np.concatenate([part.level for part in video(whole, start_s, start_s + 7.0)])
+    cut, _ = recorded(3)
+    times = [start_s, *np.sort(np.random.default_rng(1).uniform(start_s, start_s + 7.0, 9)), start_s + 7.0]
+    got = [part.level for a, b in pairwise(times) for part in video(cut, a, b)]
+    assert np.array_equal(np.concatenate(got), want)
+    late, _ = recorded(3)
+    assert np.array_equal(video(late, start_s + 4.8, start_s + 7.0)[0].level, want[1024:])
+    assert whole.reports.rest(start_s) == 0
+
+
+def test_noise_and_sea_have_their_strength():
+    recording, scenario = recorded(input__ships="[]", input__power__sea_shape=5.0)
+    start_s = scenario.plan().start_s
+    (part,) = video(recording, start_s, start_s + 2.4)
+    power = 10.0 ** ((part.level + 0.5 - 20.0) / 20.0)
+    assert power[:, 240:].mean() == pytest.approx(1.0 + 0.22, abs=0.1)  # sea of 18 dB at 0.5 NM falls to 0.3 at 3 NM
+    near = round(0.5 * 1852.0 / part.cell_m)
+    assert 10.0 * np.log10(power[:, near - 2 : near + 3].mean()) == pytest.approx(18.0, abs=1.5)
+
+
+def test_a_ship_is_where_its_way_leads_when_the_beam_meets_it():
+    recording, scenario = recorded(5, radars__0__range_nm=3.0, input__power__sea_db=-50.0)
+    start_s, sensors = scenario.plan().start_s, scenario.sensors()
+    (part,) = video(recording, start_s, start_s + 2.4)
+    strong = 10.0 ** (part.level.astype(float) / 40.0) * (part.level > 40)
+    for v in range(2):
+        seen = np.isfinite(part.vessel_m[:, v])
+        mine = np.where(seen[:, None], strong, 0.0)
+        row = int(mine.sum(axis=1).argmax())
+        truth = recording.truth.at(float(part.time_s[row]))
+        at = to_plane(truth.position_deg[v], sensors.radars.site_deg[0])
+        range_m = (mine.sum(axis=0) * (np.arange(256) + 0.5)).sum() / mine.sum() * part.cell_m
+        azimuth = (mine.sum(axis=1) * part.azimuth_rad).sum() / mine.sum()
+        assert range_m == pytest.approx(float(np.hypot(*at)), abs=25.0)
+        assert np.degrees(azimuth) == pytest.approx(np.degrees(np.arctan2(at[0], at[1])) % 360.0, abs=0.5)
+
+
+def test_a_ship_behind_another_is_hidden():
+    def level(*places):
+        recording, scenario = recorded(6, input__ships=ships(*places), input__power__sea_db=-50.0)
+        (part,) = video(recording, scenario.plan().start_s, scenario.plan().start_s + 2.4)
+        row, cell = 512 // 4, int(3000.0 / part.cell_m)
+        return int(part.level[row - 2 : row + 3, cell - 1 : cell + 2].max())
+
+    behind, ahead = (3000.0, 0.0, 0.0), (1500.0, 0.0, 0.0)
+    assert level(behind) - level(ahead, behind) > 20  # ten decibels at least
+
+
+def test_land_rain_lost_spokes_and_jitter():
+    corner = [
+        offset_deg(SITE, np.array(p)).tolist() for p in ([-900.0, 1500.0], [900.0, 1500.0], [900.0, 2500.0], [-900.0, 2500.0])
+    ]
+    rain = offset_deg(SITE, np.array([0.0, -3000.0]))
+    recording, scenario = recorded(
+        7,
+        input__ships="[]",
+        input__land_deg=[corner],
+        input__rain=f"[{{latitude_deg = {rain[0]}, longitude_deg = {rain[1]}, radius_m = 800.0, rain_db = 20.0}}]",
+        input__lost_share=0.2,
+        input__jitter_deg=0.3,
+    )
+    start_s = scenario.plan().start_s
+    (part,) = video(recording, start_s, start_s + 2.4)
+    assert len(part) == pytest.approx(0.8 * 512, abs=50)
+    off = np.degrees(part.azimuth_rad - (part.time_s - start_s) / 2.4 * 2.0 * np.pi)
+    assert 0.1 < np.abs(off).max() <= 0.3 + 1e-6
+    row = {
+        name: int(np.abs(part.azimuth_rad - azimuth).argmin())
+        for name, azimuth in (("north", 0.05), ("south", np.pi), ("east", 1.57))
+    }
+    cell = {
+        name: slice(int(m / part.cell_m), int((m + 300.0) / part.cell_m)) for name, m in (("land", 1900.0), ("rain", 2900.0))
+    }
+    assert part.level[row["north"], cell["land"]].mean() > part.level[row["east"], cell["land"]].mean() + 15
+    assert part.level[row["south"], cell["rain"]].mean() > part.level[row["east"], cell["rain"]].mean() + 10
+
+
+def test_legs_turn_a_ship_and_come_again():
+    _, scenario = recorded()
+    motion = motion_of(scenario.input.ships, 0.0, 8.0 * (542.99 + 45.0))
+    row, time = np.ones(2, np.int64), np.array([0.0, 8.0 * (542.99 + 45.0)])
+    at = to_plane(motion.position(row, time), SITE)
+    assert np.hypot(*(at[1] - at[0])) < 15.0  # the octagon is closed, but for the curvature of the sea
+    _, velocity = motion.state(row, np.array([10.0, 600.0]))
+    course = np.degrees(np.arctan2(velocity[:, 0], velocity[:, 1]))
+    assert (course[1] - course[0]) % 360.0 == pytest.approx(45.0, abs=0.5)
