@@ -168,7 +168,7 @@ def run_centre(
         counted, of_counted = tracks, associations
         if s.tracks.holds_messages and not s.fused_tracks.of_measurements:
             counted, of_counted, bearings = merged_ais.counted_once(tracks, associations, bearings, sensors.source_kinds)
-        fusion = FusionInput(counted, measurements, of_counted, time_s, sensors.source_kinds, bearings)
+        fusion = FusionInput(counted, measurements, of_counted, time_s, sensors.source_kinds, bearings, alarms)
         fused_memory, fused = Running(s.fused_tracks, m.fused_tracks).next(fusion)
         fused, by_bearings = bearing_only_vessels(bearings, fused, int(associations.vessel.max(initial=-1)) + 1)
     with timer("picture"):

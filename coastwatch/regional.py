@@ -104,11 +104,14 @@ def reports_of_regions(
     sensors: Sensors,
     video: Videos,
 ) -> tuple[list[RegionReports], int]:
-    """What each regional centre is given, and how many reports are of an unknown radar.
+    """What each regional centre is given, and how many reports are of an unknown radar. Radars have the noise that was learnt.
 
     Args: reports, corrections, video: of all radars; messages: for each region.
     """
-    radars = sensors.radars
+    radars, factor = sensors.radars, corrections.noise_factor
+    radars = replace(
+        radars, range_sigma_m=factor[:, 0] * radars.range_sigma_m, azimuth_sigma_rad=factor[:, 1] * radars.azimuth_sigma_rad
+    )
     known = (reports.sensor >= 0) & (reports.sensor < len(radars))
     if not known.all():
         reports = reports.take(known)

@@ -309,7 +309,7 @@ class RegistrationState(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class RadarCorrections(Batch):
-    """One row for each radar of the scenario: the registration errors to subtract from its reports in the next cycle."""
+    """One row for each radar of the scenario: registration errors to subtract from its reports in the next cycle, and its noise."""
 
     azimuth_bias_rad: Floats = column(np.float64, "R")  # how far its azimuths are clockwise of the truth
     range_bias_m: Floats = column(np.float64, "R")  # how far its ranges are too long
@@ -329,13 +329,15 @@ class RadarCorrections(Batch):
     found_odds: Floats = optional_column("R")  # the same when the bias that is applied was found
     voices: Floats = optional_column("R")  # vessels under way, and squares with vessels at rest, that speak for the candidate
     rival_share: Floats = optional_column("R")  # of all evidence, that the best other bias has
+    noise_factor: Floats = optional_column("R", 2)  # times the stated noise that its ranges and azimuths have; 1: as stated
 
     @classmethod
     def none(cls, radars: int) -> RadarCorrections:
         """No correction for any radar."""
         zero, unknown = np.zeros(radars), np.full(radars, np.nan)
         number, no = np.zeros(radars, np.int64), np.zeros(radars, np.bool_)
-        return cls(zero, zero, zero, unknown, unknown, unknown, unknown, number, zero, number, no)
+        one = np.ones((radars, 2))
+        return cls(zero, zero, zero, unknown, unknown, unknown, unknown, number, zero, number, no, noise_factor=one)
 
 
 COVER_AZIMUTHS, COVER_RANGES = 72, 16

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -36,6 +36,10 @@ ALONG_M = 1e5  # standard deviation of a bearing along the line of sight: 1000 t
 LEAST_GAIN = 0.25  # of the variance of an AIS track: a smaller difference from it is not tested more narrowly
 LESS_CERTAIN = 1.5  # times the variance of its AIS track: a filter above that is not reported
 SEARCH_STEPS = 16  # of the covariance intersection at which a filter begins
+JUMP_FACTORS = 2.0 ** np.arange(0.0, 3.5, 0.5)  # times the size of a jump that is stated: what is compared
+SOJOURN_FACTORS = np.array([1 / 16, 1 / 4, 1.0, 4.0, 16.0])  # times the time in the steady model that is stated
+JUMP_DOUBT, SOJOURN_DOUBT = 2.0, 1.0  # log-likelihood by which each step from what is stated must be better
+ROUNDED = 2.0**20  # evidence is summed in units of one over this
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,16 +51,19 @@ class VesselFilters(Struct):
     covariance: Floats = column(np.float64, "F", "J", 5, 5)
     mode_probability: Floats = column(np.float64, "F", "J")
     updated_s: Floats = column(np.float64, "F")  # time of the newest measurement
+    judged_s: Floats = column(np.float64, "F")  # time up to which jumps of the velocity are decided
     track_id: Ints = column(np.int64, "L")  # every track of the last cycle, in its order
     filter_of_track: Rows = column(np.int32, "L", rows_of="F", least=-1)  # -1 where none
     held_id: Ints = column(np.int64, "H")  # vessels without tracks whose filters bearings continue, sorted
     held_filter: Ints = column(np.int64, "H", rows_of="F")
     held_since_s: Floats = column(np.float64, "H")
+    evidence: Floats = column(np.float64, "A")  # log-likelihood of each alternative of jumps and sojourns, over all vessels
+    learnt_s: float = -np.inf  # time of the evidence
 
     @property
-    def arrays(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """State, covariance, mode probability and time of each filter, as the kernels take them."""
-        return self.state, self.covariance, self.mode_probability, self.updated_s
+    def arrays(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """State, covariance, mode probability and times of each filter, as the kernels take them."""
+        return self.state, self.covariance, self.mode_probability, self.updated_s, self.judged_s
 
 
 class FilterPlan(NamedTuple):
@@ -75,6 +82,11 @@ class CentralImm(FusionMethod):
     """One IMM a vessel over the plots and AIS reports in its tracks, so that no error counts twice.
 
     - Models: steady (constant velocity, which may jump), changing speed, agile, turning.
+    - `velocity_jump_m_s` and the steady model's `sojourn_s` are priors, from the simulated scenario `context-driven-1000`: a jump of
+      0.15 m/s a minute. Water and ships differ, so a centre learns both from the velocities that its vessels with AIS report.
+      Jumps of 1 to 8 times the prior and sojourns of 1/16 to 16 times it are weighed by their likelihood. Each step from the prior
+      must be likelier by a factor (7 and 2.7), so few vessels change little. A vessel whose AIS has an alarm, or whose filter
+      contradicts its AIS, teaches nothing.
     - A filter begins when a vessel gets a second track, at the covariance intersection of its tracks. The estimate of a vessel that
       never had two tracks is its track.
     - A filter is continued while all its measurements are of one vessel, also on plots alone after the loss of AIS. If a vessel
@@ -85,6 +97,8 @@ class CentralImm(FusionMethod):
     - A vessel is reported as its AIS track where the filter contradicts that track (`ais_doubt`), or is far less certain. An efficient
       estimate differs from a consistent one by the difference of their covariances. So plots of a neighbour, or of a radar that errs
       more than it states, hardly make the vessel worse than its AIS.
+    - A velocity that AIS reports decides whether the vessel has jumped since the last one. Plots decide it in vessels without AIS,
+      and after a minute without a report.
     - A late report is moved to the filter's time by the velocity.
     - A bearing that is of the vessel with `bearing_probability` moves the filter across the line of sight. A vessel that has lost
       its tracks goes on by bearings for `bearing_hold_s`. Its filter begins with the first bearing, if it has but one track.
@@ -97,10 +111,13 @@ class CentralImm(FusionMethod):
     of_measurements: ClassVar[bool] = True
     method: Literal["central_imm"] = "central_imm"
     noise_m2_s3: tuple[NotNegative, NotNegative, NotNegative, NotNegative] = (1e-5, 3e-3, 0.2, 1e-5)  # density of acceleration
-    sojourn_s: Four = (600.0, 300.0, 1000.0, 3000.0)  # mean time in each model
+    sojourn_s: Four = (600.0, 300.0, 1000.0, 3000.0)  # mean time in each model; the first is a prior
     share: Four = (0.4, 0.1, 0.1, 0.4)  # of each model where a filter begins
-    velocity_jump_m_s: NotNegative = 0.2  # standard deviation of a velocity jump of a steady vessel, per axis
+    velocity_jump_m_s: NotNegative = 0.2  # prior: standard deviation of a velocity jump of a steady vessel, per axis
     velocity_jump_interval_s: Positive = 60.0  # mean time between velocity jumps
+    learning_memory_s: NotNegative = (
+        3600.0  # time constant of the evidence of motion; 0: the priors hold, and nothing is learnt
+    )
     turn_rate_noise_rad2_s3: NotNegative = 3e-10  # density of the drift of the turn rate
     turn_rate_sigma_deg_s: Positive = 0.5  # of turn rates before anything is known
     range_registration: NotNegative = 0.5  # share of a plot's variance along the beam that is added where AIS is in the vessel
@@ -118,8 +135,8 @@ class CentralImm(FusionMethod):
         """No filter."""
         state, covariance = np.zeros((0, MODELS, 5)), np.zeros((0, MODELS, 5, 5))
         none, no_time, no_row = np.zeros(0, np.int64), np.zeros(0), np.zeros(0, np.int32)
-        filters = np.zeros((0, 2)), state, covariance, np.zeros((0, MODELS)), no_time
-        return VesselFilters(*filters, none, no_row, none, none, no_time)
+        filters = np.zeros((0, 2)), state, covariance, np.zeros((0, MODELS)), no_time, no_time
+        return VesselFilters(*filters, none, no_row, none, none, no_time, np.zeros(len(JUMP_FACTORS) + len(SOJOURN_FACTORS)))
 
     def step(self, memory: VesselFilters, given: FusionInput) -> tuple[VesselFilters, FusedTracks]:
         """One estimate a vessel: memory, and one row for each vessel number.
@@ -130,7 +147,7 @@ class CentralImm(FusionMethod):
         vessels, kind = VesselTracks.of(associations), given.kinds[tracks.source]
         count = max(vessels.vessel_count, int(bearings.vessel.max(initial=-1)) + 1)
         if count == 0:
-            return self.init(), FusedTracks.empty()
+            return replace(self.init(), evidence=memory.evidence, learnt_s=memory.learnt_s), FusedTracks.empty()
         certain = self.bearing_probability < 1.0
         bearings = bearings.take(np.flatnonzero((bearings.probability >= self.bearing_probability) & certain))
         plan = plan_filters(memory, vessels, associations.vessel, tracks, given.measurements, bearings)
@@ -141,13 +158,37 @@ class CentralImm(FusionMethod):
         reported[vessels.vessel_count :] = True
         first = intersect(vessels.take(plan.new), tracks, self.unknown_velocity_sigma_m_s, SEARCH_STEPS)
         filters = self._filters(memory, plan, tracks, first, time_s)
-        self._update(filters, plan, given.measurements, has_ais[plan.continued], bearings)
+        models = self._models(memory.evidence)
+        evidence = self._update(filters, plan, given.measurements, has_ais[plan.continued], bearings, models)
         out = self._single_tracks(vessels, tracks, count)
         for estimate, of_tracks in zip(out, first, strict=True):
             estimate[plan.new] = of_tracks
-        self._report(filters, plan, reported, time_s, out)
-        self._leave_to_ais(tracks, associations.vessel, kind, out)
-        return filters, out.at_time(time_s)
+        self._report(filters, plan, reported, time_s, models, out)
+        contradicted = self._leave_to_ais(tracks, associations.vessel, kind, out)
+        wrong = np.isin(tracks.track_id, given.alarms.track_id[given.alarms.twice | given.alarms.impossible_speed])
+        teaches = ~np.isin(plan.continued, np.append(contradicted, associations.vessel[wrong]))
+        return self._learnt(memory, filters, evidence[teaches], time_s), out.at_time(time_s)
+
+    def _learnt(self, memory: VesselFilters, filters: VesselFilters, evidence: Floats, time_s: float) -> VesselFilters:
+        """The filters with the evidence of the last cycles and of this one: (G, A + B) of the vessels that teach.
+
+        The sum is of whole numbers, so that it is the same in every order of the vessels.
+        """
+        if self.learning_memory_s == 0.0:
+            return filters
+        sound = np.isfinite(evidence).all(axis=1)
+        new = np.rint(evidence[sound] * ROUNDED).astype(np.int64).sum(axis=0) / ROUNDED
+        keep = np.exp(-(time_s - memory.learnt_s) / self.learning_memory_s) if np.isfinite(memory.learnt_s) else 0.0
+        return replace(filters, evidence=keep * memory.evidence + new, learnt_s=time_s)
+
+    def learnt_motion(self, evidence: Floats) -> tuple[float, float]:
+        """Standard deviation of a velocity jump (m/s) and mean time in the steady model (s) by this evidence (A + B,)."""
+        of_jumps, of_sojourns = np.split(evidence, [len(JUMP_FACTORS)])
+        jump, sojourn = (
+            _mean_factor(JUMP_FACTORS, of_jumps, JUMP_DOUBT),
+            _mean_factor(SOJOURN_FACTORS, of_sojourns, SOJOURN_DOUBT),
+        )
+        return self.velocity_jump_m_s * jump, self.sojourn_s[0] * sojourn
 
     def _with_held(
         self, memory: VesselFilters, plan: FilterPlan, bearings: VesselBearings, vessels: int, time_s: float
@@ -179,20 +220,29 @@ class CentralImm(FusionMethod):
         """The filters of the last cycle that are continued, then the new ones, at the first estimates (B) of their vessels."""
         old = len(plan.continued)
         columns = memory.anchor_deg, *memory.arrays
-        anchor, state, covariance, mode, updated = (_continued(column, plan.before, len(plan.new)) for column in columns)
+        anchor, state, covariance, mode, updated, judged = (
+            _continued(column, plan.before, len(plan.new)) for column in columns
+        )
         anchor[old:], state[old:, :, 2:4] = first.position_deg, first.velocity_m_s[:, None]
         covariance[old:, :, :4, :4] = first.covariance[:, None]
         covariance[old:, :, 4, 4] = np.radians(self.turn_rate_sigma_deg_s) ** 2
-        mode[old:], updated[old:] = np.array(self.share) / sum(self.share), time_s
+        mode[old:], updated[old:], judged[old:] = np.array(self.share) / sum(self.share), time_s, time_s
         held = plan.held_id, np.arange(old - len(plan.held_id), old), plan.held_since_s
-        return VesselFilters(anchor, state, covariance, mode, updated, tracks.track_id, plan.filter_of_track, *held)
+        known = tracks.track_id, plan.filter_of_track, *held, memory.evidence
+        return VesselFilters(anchor, state, covariance, mode, updated, judged, *known)
 
     def _update(
-        self, filters: VesselFilters, plan: FilterPlan, measurements: Measurements, has_ais: Bools, bearings: VesselBearings
-    ) -> None:
+        self,
+        filters: VesselFilters,
+        plan: FilterPlan,
+        measurements: Measurements,
+        has_ais: Bools,
+        bearings: VesselBearings,
+        models: Any,
+    ) -> Floats:
         """Update the continued filters (G) by the measurements of their vessels' tracks, and by bearings.
 
-        Args: has_ais: (G,) whether AIS is in each.
+        Args: has_ais: (G,) whether AIS is in each; models: (J,) MODEL. Returns: (G, A + B) evidence of each for the alternatives.
         """
         count = len(plan.continued)
         filter_of = np.append(plan.filter_of_track, -1)[plan.track_of_measurement]
@@ -206,14 +256,21 @@ class CentralImm(FusionMethod):
         noise[plots, :2, :2] += self._registration(m.take(plots))
         doubt = np.full(len(m), np.inf)
         doubt[plots] = self.plot_doubt
+        decides = np.isfinite(z[:, 2]) | ~has_ais[filter_of]
         if len(bearings) > 0:
             of, *lines = self._across_lines_of_sight(filters, plan, bearings)
-            joined = [np.concatenate(pair) for pair in zip((filter_of, measured_s, z, noise, doubt), (of, *lines), strict=True)]
+            both = (filter_of, measured_s, z, noise, doubt, decides), (of, *lines, ~has_ais[of])
+            joined = [np.concatenate(pair) for pair in zip(*both, strict=True)]
             order = np.lexsort((joined[1], joined[0]))
-            filter_of, measured_s, z, noise, doubt = (column[order] for column in joined)
+            filter_of, measured_s, z, noise, doubt, decides = (column[order] for column in joined)
         begin = np.searchsorted(filter_of, np.arange(count + 1))
-        kernel, timed = kernels.filters.fused_filters.update, kernels.filters.fused_filters.TimedMeasurements
-        in_blocks(kernel, count, filters.arrays, timed(measured_s, z, noise, doubt), begin, self._models(), least=FEW)
+        kernel = kernels.filters.fused_filters
+        measured = kernel.TimedMeasurements(measured_s, z, noise, doubt, decides)
+        jumps, sojourns = self.velocity_jump_m_s * JUMP_FACTORS, self.sojourn_s[0] * SOJOURN_FACTORS
+        evidence = np.zeros((count, len(jumps) + len(sojourns)))
+        compared = kernel.Alternatives(jumps**2, sojourns)
+        in_blocks(kernel.update, count, filters.arrays, measured, begin, models, compared, evidence, least=FEW)
+        return evidence
 
     def _across_lines_of_sight(
         self, filters: VesselFilters, plan: FilterPlan, bearings: VesselBearings
@@ -249,7 +306,9 @@ class CentralImm(FusionMethod):
             out += (share * variance)[:, None, None] * axis[:, :, None] * axis[:, None, :]
         return out
 
-    def _report(self, filters: VesselFilters, plan: FilterPlan, reported: Bools, time_s: float, out: Estimates) -> None:
+    def _report(
+        self, filters: VesselFilters, plan: FilterPlan, reported: Bools, time_s: float, models: Any, out: Estimates
+    ) -> None:
         """Put the anchors of the continued filters where their vessels are, and write the estimates of those vessels.
 
         A vessel of AIS alone is reported as its track. Args: reported: (V,) whether a vessel is reported by its filter.
@@ -257,7 +316,7 @@ class CentralImm(FusionMethod):
         count = len(plan.continued)
         mean, covariance = np.empty((count, 5)), np.empty((count, 5, 5))
         kernel = kernels.filters.fused_filters.estimate
-        in_blocks(kernel, count, filters.arrays, float(time_s), self._models(), mean, covariance, least=FEW)
+        in_blocks(kernel, count, filters.arrays, float(time_s), models, mean, covariance, least=FEW)
         filters.anchor_deg[:count] = offset_deg(filters.anchor_deg[:count], mean[:, :2])
         filters.state[:count, :, :2] -= mean[:, None, :2]
         chosen = np.flatnonzero(reported[plan.continued])
@@ -265,10 +324,10 @@ class CentralImm(FusionMethod):
         out.position_deg[vessel], out.velocity_m_s[vessel] = filters.anchor_deg[chosen], mean[chosen, 2:4]
         out.covariance[vessel] = covariance[chosen, :4, :4]
 
-    def _leave_to_ais(self, tracks: Tracks, vessel: Ints, kind: Ints, out: Estimates) -> None:
+    def _leave_to_ais(self, tracks: Tracks, vessel: Ints, kind: Ints, out: Estimates) -> Ints:
         """Write the most certain AIS track of each vessel whose estimate contradicts it, is far less certain, or is not finite.
 
-        Args: vessel, kind: (N,) of each track.
+        Args: vessel, kind: (N,) of each track. Returns: those that contradict it.
         """
         ais = np.flatnonzero((kind == SourceKind.AIS) & np.isfinite(tracks.covariance).all(axis=(1, 2)))
         ais = ais[np.lexsort((np.trace(tracks.covariance[ais, :2, :2], axis1=1, axis2=2), vessel[ais]))]
@@ -282,9 +341,11 @@ class CentralImm(FusionMethod):
         ais_m2, fused_m2 = (np.trace(covariance, axis1=1, axis2=2) for covariance in (of_ais, of_fused))
         distance = np.sum(apart_m**2 / np.maximum(variance, LEAST_GAIN * ais_m2[:, None] / 2.0), axis=1)
         left = unsound | (distance > self.ais_doubt) | (fused_m2 > LESS_CERTAIN * ais_m2)
+        contradicts: Ints = of[unsound | (distance > self.ais_doubt)]
         of, ais = of[left], ais[left]
         out.position_deg[of], out.velocity_m_s[of] = tracks.position_deg[ais], tracks.velocity_m_s[ais]
         out.covariance[of] = tracks.covariance[ais]
+        return contradicts
 
     def _single_tracks(self, vessels: VesselTracks, tracks: Tracks, count: int) -> Estimates:
         """So many estimates, of which those of vessels of one track are written: they are that track. Those without are NaN."""
@@ -296,18 +357,27 @@ class CentralImm(FusionMethod):
         out.covariance[single] = track.known_covariance(self.unknown_velocity_sigma_m_s)
         return out
 
-    def _models(self) -> Any:
-        """The models as the kernels take them. (J,) MODEL"""
+    def _models(self, evidence: Floats) -> Any:
+        """The models as the kernels take them, with what this evidence says of the steady one. (J,) MODEL"""
+        jump_m_s, sojourn_s = self.learnt_motion(evidence)
         models = kernels.filters.motion_models
         return models.table(
             kind=[models.STRAIGHT, models.STRAIGHT, models.STRAIGHT, models.TURNING],
             noise=self.noise_m2_s3,
             manoeuvre_noise=[0.0, 0.0, 0.0, self.turn_rate_noise_rad2_s3],
             manoeuvre_sigma=np.radians(self.turn_rate_sigma_deg_s),
-            sojourn=self.sojourn_s,
+            sojourn=[sojourn_s, *self.sojourn_s[1:]],
             jump_rate=[1.0 / self.velocity_jump_interval_s, 0.0, 0.0, 0.0],
-            jump_variance=[self.velocity_jump_m_s**2, 0.0, 0.0, 0.0],
+            jump_variance=[jump_m_s**2, 0.0, 0.0, 0.0],
         )
+
+
+def _mean_factor(factor: Floats, evidence: Floats, doubt: float) -> float:
+    """The geometric mean of factors by their evidence, and a prior by which each step from 1 is less likely."""
+    steps = np.abs(np.arange(len(factor)) - np.flatnonzero(factor == 1.0))
+    weight = evidence - doubt * steps
+    weight = np.exp(weight - weight.max())
+    return float(np.exp(np.log(factor) @ weight / weight.sum()))
 
 
 def _continued(column: Floats, rows: Ints, new: int) -> Floats:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar, NamedTuple
 
-from coastwatch.batches import Associations, Ints, Measurements, Tracks, VesselBearings
+from coastwatch.batches import AisAlarms, Associations, Ints, Measurements, Tracks, VesselBearings
 from coastwatch.stage import Method
 
-NO_BEARINGS = VesselBearings.empty()
+NO_BEARINGS, NO_ALARMS = VesselBearings.empty(), AisAlarms.empty()
 
 
 class FusionInput(NamedTuple):
@@ -19,6 +19,7 @@ class FusionInput(NamedTuple):
     time_s: float
     kinds: Ints  # SourceKind of each source
     bearings: VesselBearings = NO_BEARINGS  # (B) by the associations of the last cycle
+    alarms: AisAlarms = NO_ALARMS  # of AIS tracks
 
 
 class FusionMethod(Method):

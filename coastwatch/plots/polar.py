@@ -52,7 +52,7 @@ class PolarConversion(Method):
         )
         distance = np.maximum(kept.range_m - (bias_m + corrections.range_bias_m)[radar], 0.0)
         azimuth = np.radians(kept.azimuth_deg) - (np.radians(bias_deg) + corrections.azimuth_bias_rad)[radar]
-        row, sigma = _sigmas(kept, sensors)
+        row, sigma = _sigmas(kept, sensors, corrections)
         origin = sensors.region_origin_deg[radars.region if row is radar else radars.region[radar]]
         convert = kernels.geometry.radar_plane.to_region
         position, covariance, site = convert(row, distance, azimuth, kept.site_deg, sigma, origin)
@@ -70,14 +70,17 @@ class PolarConversion(Method):
         return PolarMemory(memory.dropped + len(reports) - len(kept)), plots
 
 
-def _sigmas(reports: RadarReports, sensors: Sensors) -> tuple[Ints, Floats]:
-    """Standard deviations of range and azimuth, and the row of them for each plot: that of its radar, or its own. (M,), (R or M, 2)"""
+def _sigmas(reports: RadarReports, sensors: Sensors, corrections: RadarCorrections) -> tuple[Ints, Floats]:
+    """Standard deviations of range and azimuth, and the row of them for each plot: that of its radar, or its own. (M,), (R or M, 2)
+
+    The learnt factor of noise is in those of the radars already.
+    """
     specified = np.column_stack([sensors.radars.range_sigma_m, sensors.radars.azimuth_sigma_rad])
     own = np.column_stack([reports.range_sigma_m, np.radians(reports.azimuth_sigma_deg)])
     given = own > 0.0
     if not given.any():
         return reports.sensor, specified
-    return np.arange(len(reports)), np.where(given, own, specified[reports.sensor])
+    return np.arange(len(reports)), np.where(given, own * corrections.noise_factor[reports.sensor], specified[reports.sensor])
 
 
 def _usable(reports: RadarReports, radars: int) -> Bools:

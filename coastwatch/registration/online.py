@@ -16,6 +16,7 @@ from coastwatch.registration.acquisition import PROBABLE_ODDS, Acquisition, Rule
 from coastwatch.registration.bearings import WaitingPlots, bearing_equations, waiting_plots
 from coastwatch.registration.information import DRIFT_SIGMAS, Equations, Estimate, Information, add_equations, drift, solve
 from coastwatch.registration.inputs import RegistrationInput
+from coastwatch.registration.noise import PlotScatter, noise_factors, scattered
 from coastwatch.registration.polar import (
     ComparedVessels,
     Pairs,
@@ -49,11 +50,12 @@ class OnlineMemory:
     information: Information
     estimate: Estimate  # the solution of the information
     waiting: WaitingPlots
+    scatter: PlotScatter
     quiet_s: Floats  # (R,) time without any residual
 
     def check_rows(self) -> None:
         """Check the numbers of radars, as after reading a checkpoint. Raises: ValueError that names the field."""
-        for part in (self.references, self.shares, self.information, self.waiting):
+        for part in (self.references, self.shares, self.information, self.waiting, self.scatter):
             require_rows(f"{type(part).__name__}.radar", part.radar, len(self.acquisition))
         for reference_cells in self.reference_cells:
             require_rows("Hits.reference_cell", reference_cells.hits.reference_cell, len(reference_cells))
@@ -67,6 +69,7 @@ class OnlineRegistration(Method):
       plots around a vessel are multiplied to the odds of each bias (`evidence`). Odds of 1 / `false_alarm` without a rival are taken.
     - Tracking: residuals in polar coordinates, weighted with the probability that a plot is the vessel's echo. A lag shows as a
       residual along the motion of the vessel.
+    - Noise: a radar whose plots scatter about AIS vessels more than it states is taken at the noise that it shows (`noise`).
     - A correction that jumps by more than two standard deviations of a plot ends the tracks that hold plots of that radar.
 
     Source: Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, ch. 9.3 (bias estimation from common targets); V. Vovk,
@@ -92,6 +95,7 @@ class OnlineRegistration(Method):
     lag_prior_s: Positive = 1.5  # of a lag
     lag_known_s: Positive = 0.25  # a lag is applied when its standard deviation is under this
     settled_share: Positive = 0.25  # settled: the azimuth bias is known to this share of the radar's azimuth noise
+    noise_memory_s: NotNegative = 600.0  # time constant of the scatter of plots about AIS vessels; 0: radars err as they state
     use_bearings: bool = True  # of cameras and sonars, to estimate the lag
     drift_deg_h: NotNegative = 0.5  # growth of the azimuth uncertainty while nothing is compared
 
@@ -106,6 +110,7 @@ class OnlineRegistration(Method):
             information=Information.empty(),
             estimate=Estimate(none, none, np.zeros(0, np.int64), np.zeros(0)),
             waiting=WaitingPlots.empty(),
+            scatter=PlotScatter.empty(),
             quiet_s=np.zeros(0),
         )
 
@@ -151,7 +156,11 @@ class OnlineRegistration(Method):
         information = add_equations(information, equations, mean, keep, keep_newest)
         quiet_s = np.where(has_equations | acquired, 0.0, memory.quiet_s + dt)
         estimate = self._solved(information, acquisition.centre, sensors)
-        after = OnlineMemory(time_s, references, reference_cells, acquisition, shares, information, estimate, waiting, quiet_s)
+        scatter = memory.scatter
+        if self.noise_memory_s > 0.0:
+            scatter = scattered(scatter, given, references, alarmed, float(np.exp(-dt / self.noise_memory_s)))
+        known = shares, information, estimate, waiting, scatter
+        after = OnlineMemory(time_s, references, reference_cells, acquisition, *known, quiet_s)
         return after, self._corrections(after, seen, swept, corrections, dt, sensors)
 
     def _sized(self, memory: OnlineMemory, time_s: float, sensors: Sensors) -> OnlineMemory:
@@ -169,6 +178,7 @@ class OnlineRegistration(Method):
             information=information,
             estimate=self._solved(information, acquisition.centre, sensors),
             waiting=WaitingPlots.empty(),
+            scatter=PlotScatter.empty(),
             quiet_s=np.zeros(n),
         )
 
@@ -296,6 +306,7 @@ class OnlineRegistration(Method):
             found_odds=acquisition.found_odds,
             voices=np.where(np.isfinite(acquisition.azimuth_rad), acquisition.groups, np.nan),
             rival_share=acquisition.rival_share,
+            noise_factor=noise_factors(memory.scatter, len(seen), self.least_vessels),
         )
 
     def _state(self, memory: OnlineMemory, sigma_share: Floats, seen: Ints) -> Ints:

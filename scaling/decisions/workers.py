@@ -61,20 +61,23 @@ def association(tracks: int, workers: int, cycles: int) -> None:
 def fusion(vessels: int) -> None:
     """Print the processor time of fusion, and of moving its filters."""
     rng = np.random.default_rng([1, 0])
-    models = CentralImm()._models()
+    method = CentralImm()
+    models = method._models(method.init().evidence)
     j = len(models)
     state = rng.normal(0.0, 1.0, (vessels, j, 5)) * [10.0, 10.0, 1.0, 1.0, 1e-3]
     covariance = np.tile(np.diag([100.0, 100.0, 1.0, 1.0, 1e-6]), (vessels, j, 1, 1))
-    filters = state, covariance, np.full((vessels, j), 1.0 / j), np.zeros(vessels)
+    filters = state, covariance, np.full((vessels, j), 1.0 / j), np.zeros(vessels), np.zeros(vessels)
     z = np.column_stack([rng.normal(0.0, 10.0, (vessels, 2)), np.full((vessels, 2), np.nan)])
     noise = np.tile(np.diag([400.0, 400.0, np.nan, np.nan]), (vessels, 1, 1))
-    measured = fused_filters.TimedMeasurements(np.full(vessels, 2.0), z, noise, np.full(vessels, np.inf))
+    always, never = np.full(vessels, np.inf), np.zeros(vessels, np.bool_)
+    measured = fused_filters.TimedMeasurements(np.full(vessels, 2.0), z, noise, always, never)
+    compared, evidence = fused_filters.Alternatives(np.ones(1), np.ones(1)), np.zeros((vessels, 2))
     mean, total = np.empty((vessels, 5)), np.empty((vessels, 5, 5))
 
     def fuse() -> None:
-        fused_filters.update(0, vessels, filters, measured, np.arange(vessels + 1), models)
+        fused_filters.update(0, vessels, filters, measured, np.arange(vessels + 1), models, compared, evidence)
         fused_filters.estimate(0, vessels, filters, 3.0, models, mean, total)
-        filters[3][:] = 0.0
+        filters[3][:] = filters[4][:] = 0.0
 
     publisher, reader = Publisher(), Reader()
 

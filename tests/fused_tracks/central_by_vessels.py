@@ -1,8 +1,12 @@
-"""`CentralImm` one vessel after the other, with a dictionary of filters: what its arrays must equal. The filter is the same kernel."""
+"""`CentralImm` one vessel after the other, with a dictionary of filters: what its arrays must equal. The filter is the same kernel.
+
+Nothing is learnt here.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from fused_by_arrays import intersection
@@ -11,7 +15,7 @@ from coastwatch.batches import Floats, FusedTracks, Ints, Measurements, SourceKi
 from coastwatch.fused_tracks import CentralImm
 from coastwatch.fused_tracks.central_imm import LEAST_GAIN, LESS_CERTAIN, MODELS, SEARCH_STEPS
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.kernels.filters.fused_filters import TimedMeasurements, estimate, update
+from coastwatch.kernels.filters.fused_filters import Alternatives, TimedMeasurements, estimate, update
 
 
 @dataclass
@@ -19,7 +23,7 @@ class Filter:
     """One filter in the plane at its anchor."""
 
     anchor_deg: Floats
-    arrays: tuple[Floats, ...]  # state (1, J, 5), covariance (1, J, 5, 5), mode probability (1, J), time (1,)
+    arrays: tuple[Floats, ...]  # state (1, J, 5), covariance (1, J, 5, 5), mode probability (1, J), times (1,)
     tracks: set[int]  # that were in it in the last cycle
 
 
@@ -83,7 +87,12 @@ class ByVessels:
                     noise[k, :2, :2] += share * (axis @ m.covariance[k, :2, :2] @ axis) * np.outer(axis, axis)
         old.arrays = tuple(part.copy() for part in old.arrays)
         doubt = np.where(has_ais & (m.sensor >= 0), self.settings.plot_doubt, np.inf)
-        update(0, 1, old.arrays, TimedMeasurements(m.time_s, z, noise, doubt), np.array([0, len(m)]), self.settings._models())
+        measured = TimedMeasurements(m.time_s, z, noise, doubt, np.isfinite(z[:, 2]) | (not has_ais))
+        compared = Alternatives(np.ones(1), np.ones(1))
+        update(0, 1, old.arrays, measured, np.array([0, len(m)]), self._models(), compared, np.zeros((1, 2)))
+
+    def _models(self) -> Any:
+        return self.settings._models(self.settings.init().evidence)
 
     def _contradicts(self, fused: tuple[Floats, Floats, Floats], ais: Tracks) -> bool:
         """Whether an estimate is farther from an AIS track than the difference of their covariances lets it, or less certain."""
@@ -95,7 +104,7 @@ class ByVessels:
 
     def _estimate(self, old: Filter, time_s: float) -> tuple[Floats, Floats, Floats]:
         mean, covariance = np.empty((1, 5)), np.empty((1, 5, 5))
-        estimate(0, 1, old.arrays, time_s, self.settings._models(), mean, covariance)
+        estimate(0, 1, old.arrays, time_s, self._models(), mean, covariance)
         old.anchor_deg = offset_deg(old.anchor_deg, mean[0, :2])
         old.arrays[0][0, :, :2] -= mean[0, :2]
         return old.anchor_deg, mean[0, 2:4], covariance[0, :4, :4]
@@ -105,4 +114,4 @@ class ByVessels:
         state[0, :, 2:4], covariance[0, :, :4, :4] = first[1], first[2]
         covariance[0, :, 4, 4] = np.radians(self.settings.turn_rate_sigma_deg_s) ** 2
         mode = np.array(self.settings.share)[None] / sum(self.settings.share)
-        return Filter(first[0], (state, covariance, mode, np.array([time_s])), ids)
+        return Filter(first[0], (state, covariance, mode, np.array([time_s]), np.array([time_s])), ids)

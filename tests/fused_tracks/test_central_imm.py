@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coastwatch.batches import Associations, Measurements, Tracks
+from coastwatch.batches import AisAlarms, Associations, Measurements, Tracks
 from coastwatch.fused_tracks import CentralImm, CovarianceIntersection, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.server.checkpoint import load, save
@@ -225,3 +225,46 @@ def test_a_radar_that_is_off_pulls_little_where_ais_is_there():
     without = run(plain, world(2))
     same = run(doubting, world(2))
     assert rmse(same[1], same[2]) < 1.2 * rmse(without[1], without[2])
+
+
+def kicked(jump_m_s, vessels, alarm=False, order=None):
+    """The method and its memory after two minutes of AIS and radar in which each vessel jumps once a minute.
+
+    Args: order: (vessels,) in which they are given.
+    """
+    rng, method = np.random.default_rng([5, 29]), CentralImm()
+    memory, vessel, source = method.init(), np.repeat(np.arange(vessels), 2), np.tile([0, 2], vessels)
+    velocity, place = np.tile(VELOCITY, (vessels, 1)), truth_deg(np.arange(vessels), np.zeros(vessels))
+    rows = ((np.arange(vessels) if order is None else order)[:, None] * 2 + [0, 1]).ravel()
+    for cycle in range(40):
+        velocity = velocity + (rng.random((vessels, 1)) < 0.05) * rng.normal(0.0, jump_m_s, (vessels, 2))
+        place, now = offset_deg(place, PERIOD_S * velocity), PERIOD_S * cycle
+        tracks = tracks_of(vessel, source, now, now)
+        tracks.position_deg[:] = place[vessel]
+        m = measured(tracks, np.full(len(tracks), now), rng)
+        of, ais = m.track_id % 10_000, m.sensor < 0
+        off = difference_m(m.position_deg, truth_deg(of, np.full(len(of), now)))
+        m.position_deg[:] = offset_deg(place[of], off)
+        m.velocity_m_s[ais] += velocity[of[ais]] - VELOCITY
+        no = np.zeros(vessels, np.bool_)
+        alarms = AisAlarms(tracks.track_id[source == 2], np.arange(vessels), no, no | alarm)
+        given = FusionInput(tracks.take(rows), m, associated(vessel), now, KINDS, alarms=alarms)
+        memory, _ = method.step(memory, given)
+    return method, memory
+
+
+def test_the_size_of_jumps_is_learnt_from_many_vessels_with_ais_and_hardly_from_few():
+    prior_m_s = CentralImm().velocity_jump_m_s
+    method, memory = kicked(0.8, 30)
+    assert method.learnt_motion(memory.evidence)[0] == pytest.approx(0.8, rel=0.3)
+    method, memory = kicked(0.15, 30)
+    assert method.learnt_motion(memory.evidence)[0] < 1.2 * prior_m_s
+    method, memory = kicked(0.8, 30, alarm=True)
+    assert method.learnt_motion(memory.evidence)[0] < 1.2 * prior_m_s
+
+
+def test_what_is_learnt_is_the_same_to_the_bit_in_every_order_of_vessels():
+    order = np.random.default_rng(3).permutation(12)
+    (_, one), (_, other) = kicked(0.5, 12), kicked(0.5, 12, order=order)
+    assert one.evidence.any()
+    np.testing.assert_array_equal(one.evidence, other.evidence)

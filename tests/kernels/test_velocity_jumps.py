@@ -10,12 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.filters import motion_models
-from coastwatch.kernels.filters.fused_filters import TimedMeasurements, estimate, update
+from coastwatch.kernels.filters.fused_filters import Alternatives, TimedMeasurements, estimate, update
 
 pytestmark = pytest.mark.oracle
 
 SIMILAR = 1e-5  # of the largest of its kind: the oracle takes derivatives by differences, which errs by 2e-6 a step
 ROUNDING = 1e-9
+JUMP_VARIANCES, SOJOURNS_S = np.array([0.01, 0.04, 0.16, 0.64]), np.array([60.0, 600.0, 6000.0])
 SIZES = np.array([50.0, 50.0, 4.0, 4.0, 0.01])
 
 
@@ -59,13 +60,15 @@ def measurements(n, count, seed, earliest_s):
     return time, z, r
 
 
-def kernel(x, p, mode, time, z, r, models, jumps):
-    """The filters after these measurements."""
+def kernel(x, p, mode, time, z, r, models, jumps, every=True, evidence=None):
+    """The filters after these measurements. Args: every: measurements decide on jumps, not velocities alone; evidence: written."""
     n, count = time.shape
-    filters = x.copy(), p.copy(), mode.copy(), np.zeros(n)
-    begin = np.arange(n + 1) * count
-    measured = TimedMeasurements(time.ravel(), z.reshape(-1, 4), r.reshape(-1, 4, 4), np.full(z.size // 4, np.inf))
-    update(0, n, filters, measured, begin, table(models, jumps))
+    filters = x.copy(), p.copy(), mode.copy(), np.zeros(n), np.zeros(n)
+    begin, decides = np.arange(n + 1) * count, np.isfinite(z[..., 2].ravel()) | every
+    measured = TimedMeasurements(time.ravel(), z.reshape(-1, 4), r.reshape(-1, 4, 4), np.full(z.size // 4, np.inf), decides)
+    compared = Alternatives(JUMP_VARIANCES, SOJOURNS_S)
+    out = np.zeros((n, len(JUMP_VARIANCES) + len(SOJOURNS_S))) if evidence is None else evidence
+    update(0, n, filters, measured, begin, table(models, jumps), compared, out)
     return filters
 
 
@@ -78,7 +81,7 @@ def test_it_is_the_textbook(n, j, count, seed):
     x, p, mode, models, jumps = bank(n, j, seed)
     time, z, r = measurements(n, count, seed, 0.01)
     filters = kernel(x, p, mode, time, z, r, models, jumps)
-    states, covariances, modes, newest = filters
+    states, covariances, modes, newest, _ = filters
     mean, spread = np.empty((n, 5)), np.empty((n, 5, 5))
     estimate(0, n, filters, 12.0, table(models, jumps), mean, spread)
     for row in range(n):
@@ -101,7 +104,7 @@ def test_a_late_measurement_is_brought_forward_by_the_velocity(j, seed, late_s):
     x, p, mode, models, jumps = bank(1, j, seed)
     mode /= mode.sum()
     _, z, r = measurements(1, 1, seed, 0.01)
-    states, covariances, modes, newest = kernel(x, p, mode, np.array([[-late_s]]), z, r, models, jumps)
+    states, covariances, modes, newest, _ = kernel(x, p, mode, np.array([[-late_s]]), z, r, models, jumps)
     mean, spread = imm_textbook.estimate(x[0], p[0], mode[0])
     one, noise = z[0, 0].copy(), r[0, 0].copy()
     one[:2] += late_s * mean[2:4]
@@ -139,3 +142,40 @@ def test_a_jump_is_followed_where_steadiness_is_all_else_that_is_known():
         speeds.append(states[0, 0, 2])
     assert speeds[0] < 0.15  # the filter that knows of no jumps stays with what it was sure of
     assert speeds[1] > 0.45
+
+
+def test_positions_do_not_decide_on_jumps_until_a_velocity_or_a_minute_has_come():
+    x, p, mode, models, jumps = bank(1, 2, 5)
+    jumps = np.array([0.1, 0.0]), np.array([1.0, 1.0])
+    time, z, r = np.array([[1.0, 2.0, 3.0]]), np.zeros((1, 3, 4)), np.tile(100.0 * np.eye(4), (1, 3, 1, 1))
+    z[0, :2, 2:] = np.nan
+    *_, newest, judged = kernel(x, p, mode, time[:, :2], z[:, :2], r[:, :2], models, jumps, every=False)
+    assert (newest[0], judged[0]) == (2.0, 0.0)
+    *_, judged = kernel(x, p, mode, time, z, r, models, jumps, every=False)
+    assert judged[0] == 3.0
+    *_, judged = kernel(x, p, mode, np.array([[61.0, 62.0]]), z[:, :2], r[:, :2], models, jumps, every=False)
+    assert judged[0] == 61.0
+
+
+@pytest.mark.parametrize("jump_m_s", [0.1, 0.4])
+def test_the_evidence_is_for_the_size_of_the_jumps_and_for_no_change_of_model(jump_m_s):
+    rng, n, count = np.random.default_rng([7, 19]), 400, 20
+    kind, sojourn_s = np.zeros(2, np.int64), np.array([600.0, 300.0])
+    models = kind, np.array([1e-5, 0.2]), np.zeros(2), np.full(2, 0.01), sojourn_s
+    x, p = np.zeros((n, 2, 5)), np.tile(np.diag([4.0, 4.0, 0.01, 0.01, 1e-4]), (n, 2, 1, 1))
+    time = np.tile(10.0 * np.arange(1.0, count + 1.0), (n, 1))
+    jumped = rng.random((n, count, 1)) < 1.0 - np.exp(-10.0 / 60.0)
+    velocity = np.cumsum(jumped * rng.normal(0.0, jump_m_s, (n, count, 2)), axis=1)
+    z = np.concatenate([np.cumsum(10.0 * velocity, axis=1), velocity], axis=2) + rng.normal(0.0, 1.0, (n, count, 4)) * [
+        3,
+        3,
+        0.1,
+        0.1,
+    ]
+    r = np.tile(np.diag([9.0, 9.0, 0.01, 0.01]), (n, count, 1, 1))
+    evidence = np.zeros((n, len(JUMP_VARIANCES) + len(SOJOURNS_S)))
+    jumps = np.array([1 / 60.0, 0.0]), np.array([jump_m_s**2, 0.0])
+    kernel(x, p, np.tile([0.9, 0.1], (n, 1)), time, z, r, models, jumps, every=False, evidence=evidence)
+    of_jumps, of_sojourns = np.split(evidence.sum(axis=0), [len(JUMP_VARIANCES)])
+    assert np.sqrt(JUMP_VARIANCES[np.argmax(of_jumps)]) == pytest.approx(jump_m_s)
+    assert np.argmax(of_sojourns) == len(SOJOURNS_S) - 1

@@ -1,8 +1,9 @@
 """One IMM filter a vessel over the plots and reports of all its tracks: update by measurements, and estimate.
 
-Filters are a tuple of state (F, J, 5), covariance (F, J, 5, 5), mode_probability (F, J), and updated (F,), the time of the newest
-measurement. States are in the plane at the anchor of each filter. Scalar code, compiled by numba. The filter is that of `imm`, with
-jumps of the velocity.
+Filters are a tuple of state (F, J, 5), covariance (F, J, 5, 5), mode_probability (F, J), updated (F,), the time of the newest
+measurement, and judged (F,), the time up to which jumps of the velocity are decided. States are in the plane at the anchor of each
+filter. Scalar code, compiled by numba. The filter is that of `imm`, with jumps of the velocity. A jump is decided by a measured
+velocity over all the time since the last one: a position alone tells little, and would blur what the velocity then decides.
 """
 
 import math
@@ -14,6 +15,10 @@ from coastwatch.kernels.filters import imm, motion_models
 from coastwatch.kernels.filters.kalman import MANOEUVRE, SIZE
 from coastwatch.kernels.jit import jit
 
+LONGEST = 60.0  # s without a decision on jumps: then a position decides
+OUTLIER = 16.0  # squared distance of a velocity that no alternative explains: it teaches nothing
+LEAST_EVIDENCE = math.exp(-3.0)  # likelihood of an alternative over the best one, at least: no report decides alone
+
 
 class TimedMeasurements(NamedTuple):
     """Measurements of filters, those of each filter in order of time."""
@@ -22,18 +27,27 @@ class TimedMeasurements(NamedTuple):
     z: Any  # (M, 4) east, north, east rate, north rate; NaN rates where none were measured
     noise: Any  # R, (M, 4, 4)
     doubt: Any  # (M,) normalised innovation squared of a position beyond which its noise grows; infinite: never
+    decides: Any  # (M,) whether it decides on jumps of the velocity
+
+
+class Alternatives(NamedTuple):
+    """Values of the first model that are compared by the evidence of measured velocities."""
+
+    jump_variance: Any  # (A,) m2/s2
+    sojourn: Any  # (B,) s
 
 
 @jit
-def update(first, last, filters, measurements, begin, models):  # type: ignore[no-untyped-def]
+def update(first, last, filters, measurements, begin, models, alternatives, evidence):  # type: ignore[no-untyped-def]
     """Update filters first to last by their measurements, in place.
 
     A measurement older than its filter is moved to the filter's time by the velocity. A replay in order would take 0.6 % off the
     error if every report is 2 s late and more (scaling/decisions/central_imm.py).
-    Args: measurements: TimedMeasurements; begin: (F + 1,) those of filter f are begin[f] to begin[f + 1]; models: (J,) MODEL.
+    Args: measurements: TimedMeasurements; begin: (F + 1,) those of filter f are begin[f] to begin[f + 1]; models: (J,) MODEL;
+    alternatives: Alternatives; evidence: (F, A + B), to which the log-likelihood of each is added.
     """
-    measured, z, noise, doubt = measurements
-    state, covariance, mode_probability, updated = filters
+    measured, z, noise, doubt, decides = measurements
+    state, covariance, mode_probability, updated, judged = filters
     work, mean, spread = imm.workspace(len(models)), np.empty(SIZE), np.empty((SIZE, SIZE))
     local, r = np.empty(4), np.empty((4, 4))
     for f in range(first, last):
@@ -51,10 +65,68 @@ def update(first, last, filters, measurements, begin, models):  # type: ignore[n
                 local[2], local[3] = cos * local[2] - sin * local[3], sin * local[2] + cos * local[3]
             if doubt[m] < math.inf:
                 imm.moments(state[f], covariance[f], mode_probability[f], mean, spread)
-                _add_jumps(spread, mode_probability[f], models, max(dt, 0.0))
+                _add_jumps(spread, mode_probability[f], models, updated[f] - judged[f])
                 _widen_doubtful(local, r, mean, spread, doubt[m])
-            known = local[:2] if math.isnan(local[2]) else local
-            imm.update_with_jumps(state[f], covariance[f], mode_probability[f], models, max(dt, 0.0), known, r, work)
+            known, pending = local[:2] if math.isnan(local[2]) else local, updated[f] - judged[f]
+            if decides[m] or pending > LONGEST:
+                steady = mode_probability[f, 0]
+                if len(known) > 2 and pending > 0.0:
+                    before = state[f, 0], covariance[f, 0]
+                    _compare_jumps(known, r, before, steady, models[0], pending, alternatives.jump_variance, evidence[f])
+                imm.update_with_jumps(state[f], covariance[f], mode_probability[f], models, pending, known, r, work)
+                if len(known) > 2 and pending > 0.0:
+                    _compare_sojourns(steady, mode_probability[f, 0], pending, alternatives, evidence[f])
+                judged[f] = updated[f]
+            else:
+                imm.update_filter(state[f], covariance[f], mode_probability[f], known, r, work)
+
+
+@jit
+def _compare_jumps(z, noise, before, steady, model, dt, jump_variance, evidence):  # type: ignore[no-untyped-def]
+    """Add to the evidence how well each variance of a jump explains a velocity, weighted with the probability of the steady model.
+
+    A jump has come within dt with the model's rate.
+    Args: before: mean (5,) and covariance (5, 5) of the steady model before the update; steady: its probability; jump_variance: (A,).
+    """
+    mean, covariance = before
+    x, y = z[2] - mean[2], z[3] - mean[3]
+    between, probability = covariance[2, 3] + noise[2, 3], 1.0 - math.exp(-model.jump_rate * dt)
+    stay, best, nearest = 0.0, -math.inf, math.inf
+    count = len(jump_variance)
+    likelihood = np.empty(count)
+    for k in range(-1, count):  # without a jump first
+        more = jump_variance[k] if k >= 0 else 0.0
+        east, north = covariance[2, 2] + noise[2, 2] + more, covariance[3, 3] + noise[3, 3] + more
+        determinant = east * north - between * between
+        distance = (x * x * north - 2.0 * x * y * between + y * y * east) / determinant
+        log_likelihood = -0.5 * (distance + math.log(determinant))
+        nearest = min(nearest, distance)
+        if k < 0:
+            stay = math.log(1.0 - probability) + log_likelihood
+        else:
+            jump = math.log(probability) + log_likelihood
+            likelihood[k] = max(stay, jump) + math.log1p(math.exp(-abs(stay - jump)))
+            best = max(best, likelihood[k])
+    if nearest < OUTLIER:
+        for k in range(count):
+            evidence[k] += steady * math.log(math.exp(likelihood[k] - best) + LEAST_EVIDENCE)
+
+
+@jit
+def _compare_sojourns(before, after, dt, alternatives, evidence):  # type: ignore[no-untyped-def]
+    """Add to the evidence how well each mean time in the steady model explains a measurement that changed its probability.
+
+    Args: before, after: probability of the steady model; the ratio of its odds is the likelihood of the measurement in other models.
+    """
+    odds = max(1.0 - after, imm.FLOOR) / max(after, imm.FLOOR) * before / max(1.0 - before, imm.FLOOR)
+    first, count = len(alternatives.jump_variance), len(alternatives.sojourn)
+    likelihood, best = np.empty(count), 0.0
+    for k in range(count):
+        left = 1.0 - math.exp(-dt / alternatives.sojourn[k])
+        likelihood[k] = 1.0 - left + left * odds
+        best = max(best, likelihood[k])
+    for k in range(count):
+        evidence[first + k] += before * math.log(likelihood[k] / best + LEAST_EVIDENCE)
 
 
 @jit
@@ -87,7 +159,7 @@ def estimate(first, last, filters, time, models, mean, covariance):  # type: ign
 
     A filter that was updated later is not taken back. Args: models: (J,) MODEL; mean: (F, 5) and covariance: (F, 5, 5): written.
     """
-    states, covariances, probabilities, updated = filters
+    states, covariances, probabilities, updated, judged = filters
     state, spread, mode = np.empty((len(models), SIZE)), np.empty((len(models), SIZE, SIZE)), np.empty(len(models))
     work = imm.workspace(len(models))
     for f in range(first, last):
@@ -96,7 +168,8 @@ def estimate(first, last, filters, time, models, mean, covariance):  # type: ign
         mode[:] = probabilities[f]
         dt = max(time - updated[f], 0.0)
         imm.predict_filter(state, spread, mode, models, dt, math.inf, work)
+        pending = max(time, updated[f]) - judged[f]
         for j in range(len(models)):
-            jumped = 1.0 - math.exp(-models[j].jump_rate * dt)
-            motion_models.add_velocity_noise(spread[j], jumped * models[j].jump_variance, dt)
+            jumped = 1.0 - math.exp(-models[j].jump_rate * pending)
+            motion_models.add_velocity_noise(spread[j], jumped * models[j].jump_variance, pending)
         imm.moments(state, spread, mode, mean[f], covariance[f])

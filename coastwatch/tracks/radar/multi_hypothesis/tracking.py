@@ -48,7 +48,8 @@ class MultiHypothesis(Settings):
         """Grow, choose and prune by a batch of one radar. Returns: memory, the slot of the chosen leaf that took each plot, or -1."""
         forest, table, rules = self._forest(memory), memory.table, parts.existence
         radar, sensors = int(batch.sensor[0]), parts.sensors.radars
-        detection, density = (float(column[radar]) for column in rules.by_number(memory.rates, sensors))
+        rates, densities = rules.by_number(memory.rates, sensors)
+        detection, density = float(rates.probability[radar]), float(densities[radar])
         false_per_m2 = memory.false_plots_per_m2(parts.clutter, batch, density)
         unborn_per_m2 = rules.new_vessels_per_m2 * rules.new_visibility * detection
         nobody = false_per_m2 + unborn_per_m2
@@ -78,7 +79,7 @@ class MultiHypothesis(Settings):
         self, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars
     ) -> RadarMemory:
         forest, table, rules = self._forest(memory), memory.table, parts.existence
-        detection, missed = rules.by_number(memory.rates, every)[0], kernels.tracks.hypothesis_trees.miss_looks
+        detection, missed = rules.by_number(memory.rates, every)[0].probability, kernels.tracks.hypothesis_trees.miss_looks
         touched = np.zeros(len(table.track_id), np.bool_)
         for place, radar in enumerate(ours.tolist()):
             turns = _turns(table, radars, place, radar, rules.look_slack)
