@@ -38,6 +38,7 @@ from coastwatch.batches import (
     BearingAssociations,
     BearingMembers,
     BearingTracks,
+    Bools,
     EventChanges,
     FusedTracks,
     Measurements,
@@ -92,6 +93,7 @@ class Received:
     ais_detection: AisDetection | None = None  # none: a radar should see every vessel within its range
     radar_cover: RadarCover | None = None  # the same
     hearing: SensorHearing | None = None  # which sensors are heard; none: all
+    jumped: Bools | None = None  # (R,) radars whose corrections jumped before this cycle; none: no one
 
 
 @dataclass(frozen=True)
@@ -154,7 +156,7 @@ def run_centre(
     s, m = scenario, memory
     measurements, alarms = received.measurements, received.alarms
     bearing_tracks, statics, detection = received.bearing_tracks, received.statics, received.ais_detection
-    cover, hearing = received.radar_cover, received.hearing
+    cover, hearing, jumped = received.radar_cover, received.hearing, received.jumped
     with timer("alignment"):
         tracks = s.alignment.step(received.tracks, time_s)
     del received  # frees the tracks at their own times, if the caller has dropped them too
@@ -172,7 +174,7 @@ def run_centre(
         fused_memory, fused = Running(s.fused_tracks, m.fused_tracks).next(fusion)
         fused, by_bearings = bearing_only_vessels(bearings, fused, int(associations.vessel.max(initial=-1)) + 1)
     with timer("picture"):
-        shown = PictureInput(tracks, associations, fused, alarms, time_s, sensors, by_bearings, detection, hearing)
+        shown = PictureInput(tracks, associations, fused, alarms, time_s, sensors, by_bearings, detection, hearing, jumped)
         picture_memory, (picture, members) = s.picture.step(m.picture, shown)
         sound = limits.are_sound(picture.position_deg, picture.covariance)
         good = sound & picture_memory.confirmed

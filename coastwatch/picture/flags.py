@@ -1,7 +1,7 @@
 """Flags of vessels that an operator should look at: who decides that a vessel is dark, and the other flags.
 
 - DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS, or
-  lies among ships at anchor: near `anchorage_ships` or more that send AIS.
+  lies among ships at anchor: near `anchorage_ships` or more that send AIS. The time goes on, and the flag stays, while radar loses it.
 - AIS_WITHOUT_RADAR: no radar, and AIS reports still `unseen_after_s` later, where a radar detects most vessels (`AisDetection`).
   A vessel that no report has placed there since may have left: a report of minutes ago does not contradict the radar.
 - AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart, where a radar
@@ -52,7 +52,7 @@ class TrackPairs:
 class FlagMemory:
     """What the flags need of the last cycle."""
 
-    no_ais_since_s: Floats  # (R,) of each row of the picture: radar without AIS where a station should hear it; inf if not so
+    no_ais_since_s: Floats  # (R + H,) of rows of the picture, then of hidden vessels: since then without AIS; inf: none counted
     no_radar_since_s: Floats  # (R,) AIS without radar where a radar should see it; inf if not so
     pairs: TrackPairs
     anchor_deg: Floats  # (R, 2) where each row was when it last moved
@@ -92,7 +92,8 @@ def flag(
     if given.detection is not None:
         should_see = _should_be_seen(settings, given.detection, tracks.track_id[ais], row_of_track[ais], len(picture))
     no_ais, no_radar = now.has_radar & ~now.has_ais, now.has_ais & ~now.has_radar
-    no_ais_since_s = _since(ais_cover, picture, no_ais, no_ais, memory.no_ais_since_s, before, time_s, AIS_RETURNS_S)
+    goes_on = ~now.has_ais & (no_ais | np.isfinite(_held_s(memory.no_ais_since_s, before)))
+    no_ais_since_s = _since(ais_cover, picture, goes_on, goes_on, memory.no_ais_since_s, before, time_s, AIS_RETURNS_S)
     no_radar_since_s = _since(
         radar_cover, picture, no_radar & should_see, no_radar, memory.no_radar_since_s, before, time_s, 0.0
     )
@@ -102,7 +103,7 @@ def flag(
     flags = picture.flags.copy()
     anchor_deg, anchor_since_s, stationary = _stationary(settings, memory, order.vessel_of_row, picture, time_s)
     flags[stationary] |= int(Flag.STATIONARY)
-    dark = np.flatnonzero(time_s - no_ais_since_s >= settings.dark_after_s)
+    dark = np.flatnonzero((time_s - no_ais_since_s >= settings.dark_after_s) & (now.has_radar | order.was_dark))
     never_sent = stationary[dark] & (picture.mmsi[dark] < 0) & ~had_ais(settings, past, picture.vessel_id[dark])
     at_anchor = now.has_ais & (stationary | np.isin(picture.nav_status, (NavStatus.AT_ANCHOR, NavStatus.MOORED)))
     never_sent[never_sent] = ~_in_anchorage(settings, picture.position_deg[dark[never_sent]], picture.position_deg[at_anchor])
@@ -114,7 +115,16 @@ def flag(
     for alarm, what in ((alarms.twice, Flag.MMSI_TWICE), (alarms.impossible_speed, Flag.IMPOSSIBLE_SPEED)):
         odd = kernels.tables.match_ids.index_of(tracks.track_id, alarms.track_id[alarm])
         flags[row_of_track[odd[odd >= 0]]] |= int(what)
+    no_ais_since_s = np.append(no_ais_since_s, _held_s(memory.no_ais_since_s, order.hidden))
     return FlagMemory(no_ais_since_s, no_radar_since_s, pairs, anchor_deg, anchor_since_s, ever_heard_s), flags
+
+
+def _held_s(before_s: Floats, vessel: Ints) -> Floats:
+    """The times of vessels of the last cycle; inf of others. (R,) Args: before_s: (S,) of its first vessels; vessel: (R,)."""
+    out = np.full(len(vessel), np.inf)
+    was_there = (vessel >= 0) & (vessel < len(before_s))
+    out[was_there] = before_s[vessel[was_there]]
+    return out
 
 
 def _should_be_seen(settings: IdentitySettings, detection: AisDetection, track_id: Ints, row: Ints, rows: int) -> Bools:
@@ -142,9 +152,7 @@ def _since(
     Args: holds: (R,) if a sensor is heard there; may_hold: (R,) if one is silent there; before_s: (S,) of the shown vessels of the
     last cycle; vessel_of_row: (R,).
     """
-    held_s = np.full(len(holds), np.inf)
-    was_there = (vessel_of_row >= 0) & (vessel_of_row < len(before_s))
-    held_s[was_there] = before_s[vessel_of_row[was_there]]
+    held_s = _held_s(before_s, vessel_of_row)
     runs = cover.within(picture.position_deg, holds)
     begins = runs & ~np.isfinite(held_s)
     begins_s = cover.begins_s(picture.position_deg, begins, time_s, returns_s)

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coastwatch.batches import Bools, Picture
+from coastwatch.batches import Bools, Flag, Picture
+from coastwatch.geodesy import within_any
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.picture.confirmed import Confirmations, confirm
 from coastwatch.picture.flags import FlagMemory, ais_flags, flag, nav_statuses
@@ -16,6 +17,8 @@ from coastwatch.picture.match import KnownTracks, match_identities
 from coastwatch.picture.order import members_of, order_vessels, picture_of, tracks_of
 from coastwatch.picture.settings import IdentitySettings
 from coastwatch.picture.vessels import KnownVessels, existence_of
+
+JUMP_REACH = 1.25  # of the range of a radar: what it showed may have coasted out of it since
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,7 @@ class Identity(IdentitySettings):
     little more than a radar track, an older vessel more than a younger one. The greatest sum of votes is assigned one-to-one.
     A group without votes may be a vessel without tracks that returns: by its MMSI within `return_s`, by position and velocity
     within `hold_s`. A vessel that loses its AIS goes on under its MMSI until AIS of that MMSI is in another vessel. A vessel without
-    tracks is shown, predicted and flagged as coasting, for `coast_s`. While bearings hold it, it
+    tracks is shown, predicted and flagged as coasting, for `coast_s`; one that is dark for `dark_coast_s`. While bearings hold it, it
     is shown where they say, flagged as coasting too.
     """
 
@@ -61,7 +64,8 @@ class Identity(IdentitySettings):
         columns = known.columns()
         columns.updated_s[known.rows_of(bearing_only.vessel_id)] = time_s
         match = match_identities(self, known, columns, memory.tracks, given)
-        order = order_vessels(self, columns, match, time_s, memory.next_id)
+        is_dark = _are_dark(known.shown, match.group_of_vessel[: len(known.shown)] < 0, given)
+        order = order_vessels(self, columns, match, is_dark, time_s, memory.next_id)
         picture, known = picture_of(self, known, columns, match, order, tracks, given.fused, time_s)
         members = members_of(match, order, tracks)
         track_memory = tracks_of(match, order, tracks, given.associations.vessel)
@@ -81,6 +85,19 @@ class Identity(IdentitySettings):
         shown = replace(known, shown=picture)
         after = PictureMemory(shown, track_memory, next_id, flag_memory, past, confirmations, confirmed)
         return after, PictureOutput(picture, members)
+
+
+def _are_dark(shown: Picture, is_lost: Bools, given: PictureInput) -> Bools:
+    """Which vessels of the last picture are dark, but for those without tracks where a radar's registration has jumped. (S,)
+
+    These are where that radar showed them wrongly, and it shows them elsewhere now. Args: is_lost: (S,) have no track.
+    """
+    out: Bools = (shown.flags & Flag.DARK) != 0
+    if given.jumped is not None and given.jumped.any():
+        radars = given.sensors.radars
+        reach_m = JUMP_REACH * radars.range_m[given.jumped]
+        out &= ~(is_lost & within_any(shown.position_deg, radars.site_deg[given.jumped], reach_m))
+    return out
 
 
 def _without_outdated(picture: Picture, known: KnownVessels, past: AisPast, now: AisNow) -> tuple[Picture, KnownVessels]:

@@ -8,6 +8,7 @@ from coastwatch.batches import (
     AisAlarms,
     AisDetection,
     Associations,
+    Bools,
     FusedTracks,
     HeldVessels,
     Members,
@@ -34,6 +35,7 @@ class PictureInput(NamedTuple):
         None  # of AIS tracks by radars that are heard; none: a radar should see all within its range
     )
     hearing: SensorHearing | None = None  # which sensors are heard; none: all
+    jumped: Bools | None = None  # (R,) radars whose registration jumped before this cycle; none: no one
 
 
 class PictureOutput(NamedTuple):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import FusedTracks, Ints, Members, Picture, Tracks
+from coastwatch.batches import Bools, FusedTracks, Ints, Members, Picture, Tracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.picture.match import IdentityMatch, KnownTracks
 from coastwatch.picture.settings import IdentitySettings
@@ -21,6 +21,7 @@ class VesselOrder:
     vessel_id: Ints  # (R,)
     group_of_row: Ints  # (R,) -1: a vessel without tracks
     vessel_of_row: Ints  # (R,) -1: a new vessel
+    was_dark: Bools  # (R,) stays so, and is shown, while radar loses it
     row_of_group: Ints  # (V,)
     hidden: Ints  # (H,) vessels that are hidden now
     merged: Ints  # (G,) vessels that are merged now
@@ -28,9 +29,9 @@ class VesselOrder:
 
 
 def order_vessels(
-    settings: IdentitySettings, columns: KnownColumns, match: IdentityMatch, time_s: float, next_id: int
+    settings: IdentitySettings, columns: KnownColumns, match: IdentityMatch, is_dark: Bools, time_s: float, next_id: int
 ) -> VesselOrder:
-    """Decide who is shown, hidden and deleted, and give ids from next_id on to new vessels."""
+    """Decide who is shown, hidden and deleted, and give ids from next_id on to new vessels. Args: is_dark: (S,) shown before."""
     lifecycle = kernels.identity.lifecycle
     state = np.empty(len(columns.vessel_id), np.int8)
     limits = float(time_s), settings.coast_s, settings.hold_s, settings.return_s
@@ -44,6 +45,9 @@ def order_vessels(
         limits,
         state,
     )
+    dark = np.append(is_dark, np.zeros(len(state) + 1 - len(is_dark), np.bool_))  # of known vessels, and False for a new one
+    coasts = dark[:-1] & (state == lifecycle.HIDDEN) & (time_s - columns.updated_s <= settings.dark_coast_s)
+    state[coasts] = lifecycle.COASTING
     shown = np.flatnonzero((state == lifecycle.PRESENT) | (state == lifecycle.COASTING))
     hidden, merged = np.flatnonzero(state == lifecycle.HIDDEN), np.flatnonzero(state == lifecycle.MERGED)
     new = np.flatnonzero(match.vessel_of_group < 0)
@@ -60,7 +64,8 @@ def order_vessels(
     next_of_vessel[vessel_of_row[old]] = old
     not_shown = np.append(hidden, merged)
     next_of_vessel[not_shown] = len(order) + np.arange(len(not_shown))
-    return VesselOrder(vessel_id[order], group_of_row, vessel_of_row, row_of_group, hidden, merged, next_of_vessel)
+    was_dark = dark[vessel_of_row]
+    return VesselOrder(vessel_id[order], group_of_row, vessel_of_row, was_dark, row_of_group, hidden, merged, next_of_vessel)
 
 
 def picture_of(

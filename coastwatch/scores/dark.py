@@ -23,6 +23,7 @@ class Dark:
     flagged: Bools  # (V,) and was set at some instant at which it was due
     false_ids: Ints  # ids of vessels of the picture that were flagged and not silent
     due_count: int = 0  # instants at which a flag was due
+    seen_count: int = 0  # of these, with the vessel in the picture
     flagged_count: int = 0  # of these, with the flag
     clear_count: int = 0  # instants of vessels of the picture that were not silent
     false_count: int = 0  # of these, with the flag
@@ -37,6 +38,7 @@ class Dark:
         """Rates and counts; None where there is nothing to count."""
         return {
             "dark_recall": self.flagged_count / self.due_count if self.due_count else None,
+            "dark_recall_where_seen": self.flagged_count / self.seen_count if self.seen_count else None,
             "dark_false_rate": self.false_count / self.clear_count if self.clear_count else None,
             "silent_vessels_in_cover": int(self.due.sum()),
             "silent_vessels_flagged": int(self.flagged.sum()),
@@ -75,6 +77,7 @@ def watch(
         flagged=dark.flagged | flagged,
         false_ids=np.union1d(dark.false_ids, picture.vessel_id[flag & clear]),
         due_count=dark.due_count + int(due.sum()),
+        seen_count=dark.seen_count + int((due & np.isin(truth.vessel, picture.origin)).sum()),
         flagged_count=dark.flagged_count + int(flagged.sum()),
         clear_count=dark.clear_count + int(clear.sum()),
         false_count=dark.false_count + int((flag & clear).sum()),

@@ -34,7 +34,8 @@ class FlagMemory:
     """Since when each vessel is as it is, rows sorted by vessel_id; and the radar and AIS track that were last one vessel."""
 
     vessel_id: Ints  # (V,)
-    no_ais_since_s: Floats  # (V,) inf: has AIS or is not where AIS is heard
+    no_ais_since_s: dict[int, float]  # of these and of hidden vessels; inf: has AIS or is not where AIS is heard
+    dark: set[int]
     no_radar_since_s: Floats  # (V,) inf: has radar or is not where a radar sees
     ais_track: Ints  # (P,) sorted
     radar_track: Ints  # (P,)
@@ -46,13 +47,14 @@ class FlagMemory:
     @staticmethod
     def empty() -> FlagMemory:
         n, f = np.zeros(0, np.int64), np.zeros(0)
-        return FlagMemory(n, f, f, n, n, f, f, np.zeros((0, 2)), f)
+        return FlagMemory(n, {}, set(), f, n, n, f, f, np.zeros((0, 2)), f)
 
 
 def flags_of(
     settings: Identity,
     memory: FlagMemory,
     picture: Picture,
+    without_tracks: Ints,
     tracks: Tracks,
     of_track: Ints,
     alarms: AisAlarms,
@@ -60,7 +62,10 @@ def flags_of(
     sensors: Sensors,
     had_ais: Bools,
 ) -> tuple[FlagMemory, Ints]:
-    """The memory after this cycle and the flags of every vessel of the picture (sorted by vessel_id)."""
+    """The memory after this cycle and the flags of every vessel of the picture (sorted by vessel_id).
+
+    Args: without_tracks: ids of vessels that may return, shown or not.
+    """
     kinds = sensors.source_kinds[tracks.source]
     row = find(picture.vessel_id, of_track)
     has_ais, has_radar = (_any(row[kinds == kind], len(picture)) for kind in (SourceKind.AIS, SourceKind.RADAR))
@@ -68,7 +73,10 @@ def flags_of(
     heard = within_any(picture.position_deg, sensors.stations.site_deg, margin * sensors.stations.range_m)
     seen = within_any(picture.position_deg, sensors.radars.site_deg, margin * sensors.radars.range_m)
     at = find(memory.vessel_id, picture.vessel_id)
-    no_ais = _since(has_radar & ~has_ais & heard, memory.no_ais_since_s, at, time_s)
+    clock = {k: memory.no_ais_since_s.get(k, np.inf) for k in [*picture.vessel_id.tolist(), *without_tracks.tolist()]}
+    for k, listens, sees in zip(picture.vessel_id.tolist(), (heard & ~has_ais).tolist(), has_radar.tolist(), strict=True):
+        clock[k] = min(clock[k], time_s if sees else np.inf) if listens else np.inf
+    no_ais = np.array([clock[k] for k in picture.vessel_id.tolist()])
     no_radar = _since(has_ais & ~has_radar & seen, memory.no_radar_since_s, at, time_s)
     pairs = _parted(settings, memory, tracks, kinds, of_track, time_s, seen[row])
     flags = picture.flags.copy()
@@ -77,7 +85,8 @@ def flags_of(
     ships = picture.position_deg[has_ais & (stays | np.isin(picture.nav_status, (1, 5)))]
     apart_m = [np.linalg.norm(earth_centred(ships) - earth_centred(one), axis=1) for one in picture.position_deg]
     among = np.array([(one <= settings.anchorage_m).sum() >= settings.anchorage_ships for one in apart_m], np.bool_)
-    silent = (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1) & ~had_ais & ~among)
+    may_be = has_radar | np.isin(picture.vessel_id, list(memory.dark))
+    silent = may_be & (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1) & ~had_ais & ~among)
     flags |= np.where(silent, int(Flag.DARK), 0)
     is_ais = kinds == SourceKind.AIS
     newest_s = np.array([np.max(tracks.updated_s[is_ais & (row == k)], initial=-np.inf) for k in range(len(picture))])
@@ -90,7 +99,8 @@ def flags_of(
     flags |= np.array([by_text(*row) for row in zip(picture.mmsi.tolist(), picture.nav_status.tolist(), strict=True)], np.int64)
     after = FlagMemory(
         picture.vessel_id,
-        no_ais,
+        clock,
+        set(picture.vessel_id[silent].tolist()),
         no_radar,
         pairs.ais_track,
         pairs.radar_track,
@@ -153,7 +163,8 @@ def _parted(
     none = np.zeros(0)
     return FlagMemory(
         np.zeros(0, np.int64),
-        none,
+        {},
+        set(),
         none,
         ais_track[by_ais],
         np.concatenate([now_radar, memory.radar_track[old]])[by_ais],

@@ -79,22 +79,20 @@ def alarms(tracks, twice=(), impossible=()):
     return AisAlarms(ais.track_id, ais.mmsi, np.isin(ais.track_id, impossible), np.isin(ais.track_id, twice))
 
 
-def play(script, method=None, where=None, detection=None, **alarm):
-    """The pictures of a script: for each cycle the rows of `cycle_of`. Args: detection: of AIS tracks in every cycle."""
+def play(script, method=None, where=None, detection=None, jump=None, **alarm):
+    """The pictures of a script: for each cycle the rows of `cycle_of`.
+
+    Args: detection: of AIS tracks in every cycle; jump: the cycle in which the registration of both radars jumps.
+    """
     method, where = method or Identity(), where or sensors()
     memory, out = method.init(), []
     for cycle, rows in enumerate(script):
         tracks, associations, fused = cycle_of(cycle, rows)
-        frozen = save(memory)
-        memory_1, (picture, members) = method.step(
-            memory,
-            PictureInput(tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where, detection=detection),
-        )
+        frozen, jumped = save(memory), np.full(2, cycle == jump)
+        given = tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where
+        memory_1, (picture, members) = method.step(memory, PictureInput(*given, detection=detection, jumped=jumped))
         assert save(memory) == frozen, "a step must not write to its memory"
-        resumed, (again, _) = method.step(
-            load(frozen),
-            PictureInput(tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where, detection=detection),
-        )
+        resumed, (again, _) = method.step(load(frozen), PictureInput(*given, detection=detection, jumped=jumped))
         assert save(resumed) == save(memory_1)
         np.testing.assert_array_equal(again.vessel_id, picture.vessel_id)
         memory = memory_1
@@ -253,6 +251,35 @@ def test_members_name_every_track_of_every_vessel():
 def test_no_track_at_all():
     ((picture, members),) = play([[]])
     assert len(picture) == len(members) == 0
+
+
+AGAIN = (9, *RADAR[1:])
+
+
+def cycles_with(out, flag):
+    return np.flatnonzero(flagged(out, flag)).tolist()
+
+
+@pytest.mark.parametrize(("seen", "lost"), [(15, 5), (10, 25)])
+def test_the_time_without_ais_goes_on_while_radar_loses_a_vessel(seen, lost):
+    """It coasts for 15 s, or is hidden for 45 s more. No vessel becomes dark while no radar sees it."""
+    out = play([[RADAR]] * seen + [[]] * lost + [[AGAIN]] * 3)
+    assert cycles_with(out, Flag.DARK) == list(range(seen + lost, seen + lost + 3))
+    assert ids(out)[-1] == [1]
+    assert not cycles_with(play([[RADAR]] * seen + [[]] * 40), Flag.DARK)
+
+
+def test_a_dark_vessel_is_shown_for_longer_without_radar():
+    script = [[RADAR]] * 25 + [[]] * 50
+    assert cycles_with(play(script), Flag.DARK) == list(range(20, 65)), "`dark_after_s` to `dark_coast_s` after cycle 24"
+    back = play(script[:60] + [[AIS]] * 3)
+    assert cycles_with(back, Flag.DARK) == list(range(20, 60)), "AIS ends it"
+
+
+def test_a_dark_vessel_whose_radar_was_wrong_is_shown_no_longer_than_others():
+    out = play([[RADAR]] * 25 + [[]] * 50, jump=25)
+    assert cycles_with(out, Flag.DARK) == list(range(20, 25))
+    assert [len(p) for p, _ in out].index(0) == 35, "`coast_s` after cycle 24"
 
 
 def test_what_stays_is_stationary_and_dark_only_if_it_once_had_ais(monkeypatch):

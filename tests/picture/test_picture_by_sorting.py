@@ -21,6 +21,7 @@ SHORT = Identity(
     hold_s=9.0,
     return_s=14.0,
     dark_after_s=3.0,
+    dark_coast_s=7.0,
     unseen_after_s=3.0,
     paired_s=2.0,
     contradicted_after_s=1.0,

@@ -180,7 +180,7 @@ def test_a_flag_is_due_after_two_minutes_in_cover():
     assert 0 < late.due_count <= int(np.isin(now.vessel[inside], silent).sum())
     assert late.flagged_count == late.clear_count == 0
     assert late.as_dict()["dark_recall"] == 0.0
-    assert late.as_dict()["dark_false_rate"] is None
+    assert late.as_dict()["dark_false_rate"] is late.as_dict()["dark_recall_where_seen"] is None
 
 
 def test_right_and_wrong_flags_are_counted_apart():
