@@ -12,7 +12,7 @@ from time import process_time
 
 import numpy as np
 
-from coastwatch.batches import Messages, RadarCorrections, RadarVideo, Tracks, Truth, Videos
+from coastwatch.batches import Messages, RadarCorrections, RadarReports, RadarVideo, Tracks, Truth, Videos
 from coastwatch.geodesy import difference_m, earth_centred, to_plane, wrap_rad
 from coastwatch.plots import ExtractionInput
 from coastwatch.regional import reports_of_regions, start_region, step_of_regions
@@ -20,6 +20,7 @@ from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.gospa import gospa
 from coastwatch.scores.ospa import ospa
 
+NORTH_DEG = 6.0
 NEAR_M = 250.0  # a track is right within this of its own vessel
 SIZES = (4096, 1024), (4096, 2048)
 INNER = {"radars.0.range_nm": "3.0", "input.cells": "512"}
@@ -53,41 +54,40 @@ def main() -> None:
 def plots(scenario: Scenario, seed: int, turns: int, every: int) -> dict[str, float]:
     """What extraction finds of each tug: P_D, bias and deviation of range and azimuth, normalised squares; and false plots a turn.
 
-    The first two turns teach the background and do not count. Each turn looked at stands behind one that is not.
+    The first two turns teach the background and do not count, nor does a tug near north: turns that are far apart are joined there.
     """
     sensors, plan = scenario.sensors(), scenario.plan()
     recording = scenario.input.load(sensors, seed, plan)
     assert recording.truth is not None
     memory, site = scenario.extraction.init(), sensors.radars.site_deg[0]
     period, vessels = plan.period_s, len(recording.truth.vessel)
-    errors: list[list[tuple[float, ...]]] = [[] for _ in range(vessels)]
-    false, looks, seen = 0, 0, np.zeros(vessels)
+    parts = []
     for turn in range(turns):
         begun_s = plan.start_s + turn * every * period
         video = recording.reports.between(begun_s, begun_s + period * (1.0 - 1e-9)).video.parts[0]
-        video = _at(video, plan.start_s + turn * period - begun_s)
-        shift_s = begun_s - (plan.start_s + turn * period)
-        memory, found = scenario.extraction.step(memory, ExtractionInput(Videos((video,)), sensors))
-        # Plots near north may still be open: every vessel is compared with those that came, at its own time.
-        if turn < 2:
-            continue
-        looks += 1
-        ours = found.take(found.time_s > plan.start_s + turn * period)
-        false += int((ours.origin < 0).sum())
-        for v in range(vessels):
-            mine = ours.take(ours.origin == v)
-            seen[v] += len(mine) > 0
+        given = Videos((_at(video, plan.start_s + turn * period - begun_s),))
+        memory, found = scenario.extraction.step(memory, ExtractionInput(given, sensors))
+        parts.append(found)
+    every_plot = RadarReports.join(parts)
+    number = np.floor((every_plot.time_s - plan.start_s) / period).astype(np.int64)
+    out = {"false": float(((every_plot.origin < 0) & (number >= 2)).sum() / (turns - 2))}
+    for v, name in zip(range(vessels), "AB", strict=True):
+        rows, looks = [], 0
+        for turn in range(2, turns - 1):
+            shift_s = turn * (every - 1) * period
+            at = to_plane(recording.truth.at(plan.start_s + turn * period + shift_s).position_deg[v], site)
+            if abs(np.degrees(np.arctan2(at[0], at[1]))) < NORTH_DEG:
+                continue
+            looks += 1
+            mine = every_plot.take((number == turn) & (every_plot.origin == v))
             if len(mine):
-                truth = recording.truth.at(float(mine.time_s[0]) + shift_s)
-                at = to_plane(truth.position_deg[v], site)
+                at = to_plane(recording.truth.at(float(mine.time_s[0]) + shift_s).position_deg[v], site)
                 off = mine.range_m[0] - float(np.hypot(*at))
                 turned = float(wrap_rad(np.radians(mine.azimuth_deg[0]) - np.arctan2(at[0], at[1])))
                 sigma = float(mine.range_sigma_m[0]), float(np.radians(mine.azimuth_sigma_deg[0]))
-                errors[v].append((off, np.degrees(turned), (off / sigma[0]) ** 2, (turned / sigma[1]) ** 2))
-    out = {"false": false / looks}
-    for v, name in enumerate("AB"):
-        e = np.array(errors[v])
-        out |= {f"{name}_detected": seen[v] / looks, f"{name}_bias_m": e[:, 0].mean(), f"{name}_sigma_m": e[:, 0].std()}
+                rows.append((off, np.degrees(turned), (off / sigma[0]) ** 2, (turned / sigma[1]) ** 2))
+        e = np.array(rows)
+        out |= {f"{name}_detected": len(rows) / looks, f"{name}_bias_m": e[:, 0].mean(), f"{name}_sigma_m": e[:, 0].std()}
         out |= {f"{name}_bias_deg": e[:, 1].mean(), f"{name}_sigma_deg": e[:, 1].std()}
         out |= {f"{name}_square_range": e[:, 2].mean(), f"{name}_square_azimuth": e[:, 3].mean()}
     return {key: float(value) for key, value in out.items()}

@@ -11,9 +11,12 @@ from coastwatch.batches import (
     FusedTracks,
     Members,
     RadarReports,
+    RadarVideo,
     Reports,
     Trajectories,
+    Videos,
 )
+from coastwatch.batches.limits import reports_within
 
 pytestmark = pytest.mark.contract
 
@@ -93,3 +96,32 @@ def test_truth_between_samples():
     at = truth.at(3.0)
     assert at.vessel.tolist() == [7]
     np.testing.assert_allclose(at.position_deg, [[11.5, 20.0]])
+
+
+def spokes(times, sensor=0, cells=4):
+    n = len(times)
+    time = np.array(times, float)
+    return RadarVideo(sensor, 0.0, 10.0, time, time, np.zeros(n), np.zeros((n, 2)), np.zeros((n, cells), np.uint8))
+
+
+def test_video_is_cut_and_merged_by_arrival():
+    one, other = Videos((spokes([1.0, 2.0, 3.0]),)), Videos((spokes([0.5, 2.5], sensor=1, cells=6),))
+    none = Reports.empty()
+    both = Reports.merged([Reports(none.radar, none.ais, none.statics, none.bearing, video=v) for v in (one, other)])
+    assert len(both) == 5
+    assert [part.sensor for part in both.video.parts] == [1, 0]
+    cut = both.between(1.0, 2.5).video
+    assert [part.time_s.tolist() for part in cut.parts] == [[2.5], [2.0]]
+    assert len(both.between(3.0, 9.0)) == 0
+
+
+def test_video_that_does_not_fit_is_refused_and_spokes_that_are_none_are_counted():
+    with pytest.raises(ValueError, match=r"RadarVideo\.cell_m, first_m: got 0\.0"):
+        RadarVideo(0, 0.0, 0.0, *(np.zeros(0),) * 3, np.zeros((0, 2)), np.zeros((0, 3), np.uint8))
+    with pytest.raises(ValueError, match=r"RadarVideo\.level: got shape \(2, 3\)"):
+        RadarVideo(0, 0.0, 1.0, *(np.zeros(1),) * 3, np.zeros((1, 2)), np.zeros((2, 3), np.uint8))
+    none = Reports.empty()
+    bad = Reports(none.radar, none.ais, none.statics, none.bearing, video=Videos((spokes([1.0, np.nan, 3.0]),)))
+    kept, counts = reports_within(bad)
+    assert len(kept) == 2
+    assert counts == {"video: time": 1}

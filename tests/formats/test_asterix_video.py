@@ -1,0 +1,88 @@
+"""Radar video on the wire: what is encoded comes back, libasterix reads the same, and damaged messages are counted."""
+
+from __future__ import annotations
+
+import math
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from coastwatch.formats.asterix.video import VideoMessage, VideoText, decode, encode
+
+pytestmark = pytest.mark.contract
+
+
+def message(cells=100, seed=1, bits=8, **fields):
+    level = np.random.default_rng(seed).integers(0, 1 << min(bits, 8), cells).astype(np.uint8)
+    return VideoMessage(**{**VideoMessage(25, 1, 7, 100, 116, 0, 50_000_000, level, 3600.5)._asdict(), **fields})
+
+
+def same(one, other):
+    assert one._replace(level=None, time_of_day_s=0.0) == other._replace(level=None, time_of_day_s=0.0)
+    assert one.time_of_day_s == pytest.approx(other.time_of_day_s, nan_ok=True)
+    np.testing.assert_array_equal(one.level, other.level)
+
+
+@given(st.integers(0, 4000), st.sampled_from([1, 2, 4, 8, 16, 32]), st.booleans(), st.integers(0, 2**32 - 1), st.booleans())
+def test_what_is_encoded_comes_back(cells, bits, compressed, number, timed):
+    sent = message(cells, number, bits, number=number, first_cell=number // 7, time_of_day_s=86_399.5 if timed else math.nan)
+    found, faults = decode(encode(sent, bits, compressed) + encode(sent, bits))
+    assert faults == []
+    for got in found:
+        same(got, sent)
+    assert len(found) == 2
+
+
+@pytest.mark.oracle
+@pytest.mark.parametrize("cells", [100, 3000, 20_000])
+def test_libasterix_reads_the_same(cells):
+    from asterix import base, generated
+
+    sent = message(cells)
+    (block,) = base.RawDatablock.parse(base.Bits.from_bytes(encode(sent)))
+    (record,) = generated.Cat_240_1_3.cv_uap.parse(block.get_raw_records())
+    item = record.get_item({100: "050", 3000: "051", 20_000: "052"}[cells])
+    octets = b"".join(part.unparse().to_bytes() for part in item.variation.get_list())
+    assert octets[:cells] == sent.level.tobytes()
+    assert record.get_item("020").variation.unparse().to_bytes() == (7).to_bytes(4, "big")
+
+
+def test_expansion_fields_are_skipped_a_summary_is_text_and_other_categories_are_left():
+    whole = encode(message(10))
+    body = bytearray(whole[3:])
+    body[1] |= 0b110  # RE and SP follow
+    extended = bytes(body) + bytes([3, 1, 2]) + bytes([2, 9])
+    block = bytes([240]) + (3 + len(extended)).to_bytes(2, "big") + extended
+    summary = bytes([240, 0, 12, 0b11010000, 25, 1, 1, 4]) + b"NOVA"
+    found, faults = decode(bytes([48, 0, 4, 0]) + block + summary)
+    assert faults == []
+    same(found[0], message(10))
+    assert found[1] == VideoText(25, 1, "NOVA")
+
+
+def test_a_bomb_gives_no_more_than_it_announces():
+    sent = message(100)
+    bomb = zlib.compress(bytes(10_000_000), 9)
+    whole = encode(sent._replace(level=np.frombuffer(bomb, np.uint8)))
+    at = whole.index(bytes([0, 4]) + len(bomb).to_bytes(2, "big"))
+    announced = whole[:at] + bytes([0x80, 4]) + len(bomb).to_bytes(2, "big") + (100).to_bytes(3, "big") + whole[at + 7 :]
+    found, faults = decode(announced)
+    assert faults == []
+    assert len(found[0].level) == 100
+
+
+@given(st.integers(0, 2**32), st.binary(max_size=60))
+def test_damaged_messages_are_faults_and_never_errors(seed, noise):
+    rng = np.random.default_rng(seed)
+    for compressed in (False, True):
+        for _ in range(40):
+            raw = bytearray(encode(message(int(rng.integers(0, 300)), bits=8), 8, compressed))
+            for at in rng.integers(0, len(raw), rng.integers(1, 6)):
+                raw[at] = rng.integers(0, 256)
+            found, faults = decode(bytes(raw[: rng.integers(1, len(raw) + 1)]))
+            assert len(found) + len(faults) <= len(raw)
+    found, faults = decode(noise)
+    assert len(found) + len(faults) <= len(noise)
