@@ -434,7 +434,8 @@ def test_a_roc_curve_counts_what_every_threshold_accepts() -> None:
 def test_whole_paths_are_scored_and_a_gain_is_of_means(tmp_path: Path) -> None:
     """A look of the figure's variant, and the ratio to another point of means, where a run alone may have a divisor of 0."""
     of = published.chosen("liland", ("shadow",))["liland-shadow"]
-    folders = {"liland-shadow": of.model_copy(update={"variant": (of.named("vimmjipda"),), "figure": of.figure[:1]})}
+    ours = next(f for f in of.figure if f.default == "vimmjipda")
+    folders = {"liland-shadow": of.model_copy(update={"variant": (of.named("vimmjipda"),), "figure": (ours,)})}
     plan, kept = planning.plan(folders, 1, "test", ("cycles=30", "input.clutter_per_m2=1e-7")), FinishedRuns(str(tmp_path))
     running.carry_out(kept, planning.unlike(plan), 1, quiet, draw_run)
     made = report.made("liland", folders, plan, kept, "coastwatch reproduce liland")
@@ -444,9 +445,7 @@ def test_whole_paths_are_scored_and_a_gain_is_of_means(tmp_path: Path) -> None:
     assert 0.0 < paths["online_rmsd_m"] < 15.0
     assert "track loss" in report.written_page(kept, made).read_text("utf-8")
     key, variant = "input.clutter_per_m2", of.named("vimmjipda")
-    figure = of.figure[0].model_copy(
-        update={"path": "a", "over": "", "at": {key: 1.0}, "against": {key: 2.0}, "of_means": True}
-    )
+    figure = ours.model_copy(update={"path": "a", "over": "", "at": {key: 1.0}, "against": {key: 2.0}, "of_means": True})
     both = [(1.0, ({"a": 1.0}, {"a": 3.0})), (2.0, ({"a": 0.0}, {"a": 4.0}))]
     points = [Made(planning.Wanted(variant, ((key, point),), (), ()), records) for point, records in both]
     (line,) = figures.lines(of.model_copy(update={"figure": (figure,)}), points)
