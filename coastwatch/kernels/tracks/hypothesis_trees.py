@@ -1,7 +1,7 @@
 """Leaves of multi-hypothesis tracks: growth by the plots of a look, looks without a plot, weights and pruning. Compiled by numba.
 
-A leaf is one way to give plots to a track; its cost is the negative logarithm of its likelihood ratio against "no vessel". Rows are sorted
-by the slot of the track. A tree is the leaves of one slot, the chosen one first.
+A leaf is one way to give plots to a track; its cost is the negative logarithm of its likelihood ratio against "no vessel". The rows of
+a slot of the table stand together: they are the tree of its track, the chosen leaf first.
 Sources: T. Kurien, Issues in the design of practical multitarget tracking algorithms, in Multitarget-Multisensor Tracking, 1990 (trees);
 D. Musicki, R. Evans, M. Stankovic, Integrated probabilistic data association, IEEE Trans. AC 39(6), 1994 (existence).
 """
