@@ -25,6 +25,7 @@ from coastwatch.batches import (
     Sensors,
 )
 from coastwatch.batches.struct import Batch
+from coastwatch.batches.video import Videos
 from coastwatch.errors import InputError
 from coastwatch.formats import decoding
 from coastwatch.formats.asterix.decoder import ASTERIX
@@ -131,6 +132,9 @@ def live(text: str, found: list[bytes], arrived_s: float = math.nan) -> Reports:
 def assert_same(got: Reports, wanted: Reports) -> None:
     for part in fields(wanted):
         a, b = getattr(got, part.name), getattr(wanted, part.name)
+        if part.name == "video":
+            assert a == b == Videos()
+            continue
         assert isinstance(a, Batch)
         for column in fields(b):
             assert np.array_equal(

@@ -89,7 +89,7 @@ class Sea:
         begun = BegunEvents(
             vessel, number, np.zeros(n, np.int64), time.time() + start, places, np.ones(n), np.full(n, -1), text
         )
-        self.source.alarms.take(replace(EventChanges.empty(), begun=begun))
+        self.source.alarms.apply(replace(EventChanges.empty(), begun=begun))
 
     def close(self) -> None:
         self._stop.set()

@@ -86,10 +86,12 @@ def flags_of(
     apart_m = [np.linalg.norm(earth_centred(ships) - earth_centred(one), axis=1) for one in picture.position_deg]
     among = np.array([(one <= settings.anchorage_m).sum() >= settings.anchorage_ships for one in apart_m], np.bool_)
     may_be = has_radar | np.isin(picture.vessel_id, list(memory.dark))
-    silent = may_be & (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1) & ~had_ais & ~among)
-    flags |= np.where(silent, int(Flag.DARK), 0)
     is_ais = kinds == SourceKind.AIS
     newest_s = np.array([np.max(tracks.updated_s[is_ais & (row == k)], initial=-np.inf) for k in range(len(picture))])
+    pause_s = np.max(time_s - newest_s[has_ais & (stays | np.isin(picture.nav_status, (1, 5)))], initial=0.0)
+    among &= time_s - no_ais >= settings.dark_after_s + pause_s
+    silent = may_be & (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1) & ~had_ais & ~among)
+    flags |= np.where(silent, int(Flag.DARK), 0)
     flags |= np.where(newest_s - no_radar >= settings.unseen_after_s, int(Flag.AIS_WITHOUT_RADAR), 0)
     contradicted = (time_s - pairs.parted_since_s >= settings.contradicted_after_s) & _apart(settings, pairs, tracks)
     for track in (pairs.ais_track[contradicted], pairs.radar_track[contradicted]):

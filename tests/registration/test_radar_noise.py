@@ -9,6 +9,7 @@ import pytest
 import registration_world as world
 
 from coastwatch.batches import Measurements, Members, RadarCorrections, RadarReports, Tracks
+from coastwatch.batches.video import Videos
 from coastwatch.geodesy import offset_deg
 from coastwatch.plots import PolarConversion
 from coastwatch.regional import reports_of_regions
@@ -73,7 +74,7 @@ def test_plots_and_radars_of_a_region_have_the_noise_that_was_learnt():
         np.zeros(2, np.int64), 0.0 * one, 0.0 * one, 5000.0 * one, 0.0 * one, np.tile(SITE, (2, 1)), np.full(2, -1),
         range_sigma_m=np.array([np.nan, 5.0]), azimuth_sigma_deg=np.array([np.nan, 0.1]),
     )  # fmt: skip
-    (given,), _ = reports_of_regions(reports, [None], corrections, 0.0, sensors)
+    (given,), _ = reports_of_regions(reports, [None], corrections, 0.0, sensors, Videos())
     assert given.sensors.radars.range_sigma_m[0] == 2.0 * world.RANGE_SIGMA_M
     _, plots = PolarConversion().step(PolarConversion().init(), given.reports, given.sensors, given.corrections)
     np.testing.assert_allclose(np.sqrt(plots.covariance[:, 1, 1]), [20.0, 10.0], rtol=0.01)

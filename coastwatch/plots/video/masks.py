@@ -7,7 +7,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
-from scipy import ndimage
 
 from coastwatch.batches import Array, Floats
 from coastwatch.geodesy import to_plane
@@ -67,6 +66,8 @@ def mask_of(sectors: tuple[Sector, ...], land_deg: Rings, site_deg: tuple[float,
     if land_deg:
         wide = int(np.ceil(scale.beam_rad / TURN_RAD * AZIMUTHS))
         long = int(np.ceil(scale.pulse_m / scale.cell_m))
+        from scipy import ndimage
+
         masked = ndimage.maximum_filter(masked, (2 * wide + 1, 2 * long + 1), mode=("wrap", "nearest"))
     for sector in sectors:
         width = sector.to_deg - sector.from_deg

@@ -8,7 +8,6 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.spatial import cKDTree
 
 from coastwatch.batches import Floats, Ints
 from coastwatch.errors import InputError
@@ -160,6 +159,8 @@ def _at_anchor(anchorages: Anchorages, area: Area, count: int, rng: np.random.Ge
         spread = anchorages.spread_m * rng.standard_normal((left, 2))
         at_berth = rng.random(left) < anchorages.berth_share
         found = np.concatenate([found, offset_deg(middle, np.where(at_berth[:, None], berth, spread))])
+        from scipy.spatial import cKDTree
+
         pairs = cKDTree(earth_centred(found)).query_pairs(APART_M, output_type="ndarray")
         found = np.delete(found, pairs[:, 1], axis=0)
         if len(found) == count:
