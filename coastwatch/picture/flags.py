@@ -1,8 +1,8 @@
 """Flags of vessels that an operator should look at: who decides that a vessel is dark, and the other flags.
 
 - DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS, or
-  lies among ships at anchor: near `anchorage_ships` or more that send AIS, for the longest pause of these besides.
-  The time goes on, and the flag stays, while radar loses it.
+  lies among ships at anchor: near `anchorage_ships` or more that send AIS. What is stationary has more time: the longest pause of any
+  ship at anchor. The time goes on, and the flag stays, while radar loses it.
 - AIS_WITHOUT_RADAR: no radar, and AIS reports still `unseen_after_s` later, where a radar detects most vessels (`AisDetection`).
   A vessel that no report has placed there since may have left: a report of minutes ago does not contradict the radar.
 - AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart, where a radar
@@ -107,10 +107,11 @@ def flag(
     dark = np.flatnonzero((time_s - no_ais_since_s >= settings.dark_after_s) & (now.has_radar | order.was_dark))
     never_sent = stationary[dark] & (picture.mmsi[dark] < 0) & ~had_ais(settings, past, picture.vessel_id[dark])
     at_anchor = now.has_ais & (stationary | np.isin(picture.nav_status, (NavStatus.AT_ANCHOR, NavStatus.MOORED)))
-    newcomer = time_s - no_ais_since_s[dark] < settings.dark_after_s + time_s - now.heard_s[at_anchor].min(initial=time_s)
+    pause_s = time_s - now.heard_s[at_anchor].min(initial=time_s)  # the longest: ships at anchor send each 180 s, or rarely
+    waits = stationary[dark] & ~order.was_dark[dark] & (time_s - no_ais_since_s[dark] < settings.dark_after_s + pause_s)
     among_ships = _in_anchorage(settings, picture.position_deg[dark[never_sent]], picture.position_deg[at_anchor])
-    never_sent[never_sent] = newcomer[never_sent] | ~among_ships
-    flags[dark[~never_sent]] |= int(Flag.DARK)
+    never_sent[never_sent] = ~among_ships
+    flags[dark[~never_sent & ~waits]] |= int(Flag.DARK)
     flags[now.heard_s - no_radar_since_s >= settings.unseen_after_s] |= int(Flag.AIS_WITHOUT_RADAR)
     contradicted = _contradicted(settings, pairs, tracks, time_s)
     for track in (pairs.ais[contradicted], pairs.radar[contradicted]):

@@ -89,7 +89,8 @@ def flags_of(
     is_ais = kinds == SourceKind.AIS
     newest_s = np.array([np.max(tracks.updated_s[is_ais & (row == k)], initial=-np.inf) for k in range(len(picture))])
     pause_s = np.max(time_s - newest_s[has_ais & (stays | np.isin(picture.nav_status, (1, 5)))], initial=0.0)
-    among &= time_s - no_ais >= settings.dark_after_s + pause_s
+    was_dark = np.isin(picture.vessel_id, list(memory.dark))
+    may_be &= (time_s - no_ais >= settings.dark_after_s + pause_s) | ~stays | was_dark
     silent = may_be & (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1) & ~had_ais & ~among)
     flags |= np.where(silent, int(Flag.DARK), 0)
     flags |= np.where(newest_s - no_radar >= settings.unseen_after_s, int(Flag.AIS_WITHOUT_RADAR), 0)

@@ -35,7 +35,7 @@ def test_the_second_plot_gives_the_existence_of_jipda():
     plots = plots_of(truth, sensors, 120.0, 21)
     found = []
     for method in ("vimmjipda", "multi_hypothesis"):
-        memory, _ = run(TableTracker(method=method), plots, 2, sensors)
+        memory, _ = run(TableTracker(method=method, upkeep={"rates": {"learnt": False}}), plots, 2, sensors)
         found.append(float(memory.table.existence[memory.table.live[0]]))
     assert 0.1 < found[0] < 0.999
     assert found[1] == pytest.approx(found[0], rel=1e-9)

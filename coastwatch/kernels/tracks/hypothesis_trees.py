@@ -30,7 +30,7 @@ class LeafColumns(NamedTuple):
     existence: Floats  # (L,) given this leaf
     visibility: Floats  # (L,)
     existence_time: Floats  # (L,) of both
-    misses: Ints  # (L,) looks without a plot since the newest one
+    misses: Floats  # (L,) looks without a plot since the newest one
     plot: Ints  # (L, W) number of the plot of each look of the window, newest last, -1: none
     radar_time: Floats  # (L, R) newest plot of each radar, -inf: none
     state: Floats  # (L, J, 5)
@@ -64,7 +64,7 @@ def _empty(leaves, count):  # type: ignore[no-untyped-def]
         np.empty(count),
         np.empty(count),
         np.empty(count),
-        np.empty(count, np.int64),
+        np.empty(count),
         np.empty((count, window), np.int64),
         np.empty((count, radars)),
         np.empty((count, models, 5)),

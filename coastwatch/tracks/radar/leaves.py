@@ -23,7 +23,7 @@ class Leaves(Batch):
     existence: Floats = column(np.float64, "L")  # given this leaf, at existence_s
     visibility: Floats = column(np.float64, "L")
     existence_s: Floats = column(np.float64, "L")
-    misses: Ints = column(np.int64, "L")
+    misses: Floats = column(np.float64, "L")
     plot: Ints = column(np.int64, "L", "W")  # number of the plot in each look, newest last, -1 where there is none
     radar_s: Floats = column(np.float64, "L", "R")  # newest plot of each radar, -inf where there is none
     state: Floats = column(np.float64, "L", "J", 5)  # at updated_s
