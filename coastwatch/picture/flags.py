@@ -1,8 +1,8 @@
 """Flags of vessels that an operator should look at: who decides that a vessel is dark, and the other flags.
 
 - DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS, or
-  lies among ships at anchor: near `anchorage_ships` or more that send AIS. What is stationary has more time: the longest pause of any
-  ship at anchor. The time goes on, and the flag stays, while radar loses it.
+  lies among ships at anchor: near `anchorage_ships` or more that send AIS. What is stationary or slow has more time: the longest
+  pause of any ship at anchor. The time goes on, and the flag stays, while radar loses it.
 - AIS_WITHOUT_RADAR: no radar, and AIS reports still `unseen_after_s` later, where a radar detects most vessels (`AisDetection`).
   A vessel that no report has placed there since may have left: a report of minutes ago does not contradict the radar.
 - AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart, where a radar
@@ -35,6 +35,7 @@ from coastwatch.picture.settings import IdentitySettings
 
 STATIONARY_SIGMAS = 3.0  # of the position that a displacement must exceed
 
+SLOW_M_S = 2.0 * KNOT_M_S  # slower vessels may send each 180 s (ITU-R M.1371)
 AIS_RETURNS_S = 180.0
 """The longest interval of AIS reports, of a vessel at anchor (ITU-R M.1371): when AIS is heard again, nobody is dark before."""
 
@@ -107,8 +108,10 @@ def flag(
     dark = np.flatnonzero((time_s - no_ais_since_s >= settings.dark_after_s) & (now.has_radar | order.was_dark))
     never_sent = stationary[dark] & (picture.mmsi[dark] < 0) & ~had_ais(settings, past, picture.vessel_id[dark])
     at_anchor = now.has_ais & (stationary | np.isin(picture.nav_status, (NavStatus.AT_ANCHOR, NavStatus.MOORED)))
-    pause_s = time_s - now.heard_s[at_anchor].min(initial=time_s)  # the longest: ships at anchor send each 180 s, or rarely
-    waits = stationary[dark] & ~order.was_dark[dark] & (time_s - no_ais_since_s[dark] < settings.dark_after_s + pause_s)
+    anchored_s = now.heard_s[at_anchor]  # ships at anchor send each 180 s, or rarely; the longest pause, of AIS that is heard
+    pause_s = float(now.heard_s.max() - anchored_s.min()) if len(anchored_s) else 0.0
+    slow = stationary | (np.hypot(*picture.velocity_m_s.T) < SLOW_M_S)
+    waits = slow[dark] & ~order.was_dark[dark] & (time_s - no_ais_since_s[dark] < settings.dark_after_s + pause_s)
     among_ships = _in_anchorage(settings, picture.position_deg[dark[never_sent]], picture.position_deg[at_anchor])
     never_sent[never_sent] = ~among_ships
     flags[dark[~never_sent & ~waits]] |= int(Flag.DARK)

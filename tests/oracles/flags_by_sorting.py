@@ -17,7 +17,7 @@ from coastwatch.batches import (
     SourceKind,
     Tracks,
 )
-from coastwatch.geodesy import difference_m, earth_centred, within_any
+from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, within_any
 from coastwatch.picture import Identity
 
 
@@ -88,9 +88,11 @@ def flags_of(
     may_be = has_radar | np.isin(picture.vessel_id, list(memory.dark))
     is_ais = kinds == SourceKind.AIS
     newest_s = np.array([np.max(tracks.updated_s[is_ais & (row == k)], initial=-np.inf) for k in range(len(picture))])
-    pause_s = np.max(time_s - newest_s[has_ais & (stays | np.isin(picture.nav_status, (1, 5)))], initial=0.0)
+    ships_s = newest_s[has_ais & (stays | np.isin(picture.nav_status, (1, 5)))]
+    pause_s = max(newest_s) - min(ships_s) if len(ships_s) else 0.0
     was_dark = np.isin(picture.vessel_id, list(memory.dark))
-    may_be &= (time_s - no_ais >= settings.dark_after_s + pause_s) | ~stays | was_dark
+    slow = stays | (np.linalg.norm(picture.velocity_m_s, axis=1) < 2 * KNOT_M_S)
+    may_be &= (time_s - no_ais >= settings.dark_after_s + pause_s) | ~slow | was_dark
     silent = may_be & (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1) & ~had_ais & ~among)
     flags |= np.where(silent, int(Flag.DARK), 0)
     flags |= np.where(newest_s - no_radar >= settings.unseen_after_s, int(Flag.AIS_WITHOUT_RADAR), 0)
