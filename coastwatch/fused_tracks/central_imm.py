@@ -115,9 +115,7 @@ class CentralImm(FusionMethod):
     share: Four = (0.4, 0.1, 0.1, 0.4)  # of each model where a filter begins
     velocity_jump_m_s: NotNegative = 0.2  # prior: standard deviation of a velocity jump of a steady vessel, per axis
     velocity_jump_interval_s: Positive = 60.0  # mean time between velocity jumps
-    learning_memory_s: NotNegative = (
-        3600.0  # time constant of the evidence of motion; 0: the priors hold, and nothing is learnt
-    )
+    learning_memory_s: NotNegative = 3600.0  # time constant of the evidence of motion; 0: the priors hold
     turn_rate_noise_rad2_s3: NotNegative = 3e-10  # density of the drift of the turn rate
     turn_rate_sigma_deg_s: Positive = 0.5  # of turn rates before anything is known
     range_registration: NotNegative = 0.5  # share of a plot's variance along the beam that is added where AIS is in the vessel

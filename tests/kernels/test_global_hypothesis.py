@@ -131,7 +131,7 @@ def test_large_clusters_are_close_to_the_program(seed):
     check_one_each(choice.leaf, start, resource)
     above = cost_of(choice.leaf, cost, null) - best
     assert -ROUNDING <= above <= choice.excess.sum() + ROUNDING
-    assert above < 20.0  # of a cost of -600: half a thousandth of the plots go to another vessel
+    assert above < 20.0  # what is asked of a cost of some -600, in which a plot is worth 6
 
 
 def meeting(seed: int, trees: int):

@@ -52,8 +52,8 @@ class LearntRates(Struct):
         """
         if not settings.learnt:
             return stated
-        found = self.false_plots / (np.pi * radars.range_m**2)
-        return (settings.prior_turns * stated + found) / (settings.prior_turns + self.turns)
+        counted = self.false_plots / (np.pi * radars.range_m**2)
+        return (settings.prior_turns * stated + counted) / (settings.prior_turns + self.turns)
 
     def detection(self, settings: RateSettings, stated: Floats, visible: float) -> DetectionColumns:
         """The probability that each radar detects a visible vessel in a look: P_D, between `least_detection` and the stated one.
@@ -62,8 +62,8 @@ class LearntRates(Struct):
         """
         if not settings.learnt:
             return DetectionColumns(stated, np.ones(len(stated)), np.zeros(len(stated)))
-        found = (settings.prior_looks * stated + self.detections / visible) / (settings.prior_looks + self.looks)
-        probability = np.minimum(np.maximum(found, settings.least_detection), stated)
+        mean = (settings.prior_looks * stated + self.detections / visible) / (settings.prior_looks + self.looks)
+        probability = np.minimum(np.maximum(mean, settings.least_detection), stated)
         return DetectionColumns(probability, np.log1p(-probability) / np.log1p(-stated), self.looks)
 
     def turn(self, settings: RateSettings, radar: int, newest_s: float, period_s: float) -> None:

@@ -59,9 +59,7 @@ class Table(Struct):
     visibility: Floats = column(np.float64, "S")  # probability that radars can see the vessel, if it exists
     existence_s: Floats = column(np.float64, "S")
     looked_s: Floats = column(np.float64, "S", "R")  # up to which the looks of each radar are in existence and visibility
-    misses: Floats = column(
-        np.float64, "S"
-    )  # looks without a plot in the gate since the newest one, less of a radar that misses much
+    misses: Floats = column(np.float64, "S")  # looks without a plot since the newest one, less of a radar that misses much
     message_s: Floats = column(np.float64, "S")  # newest AIS message, -inf where there is none
     ids: Ints = column(np.int64, "S", NAMES)  # MMSI that the vessel may have, -1 where there is none
     id_probability: Floats = column(np.float64, "S", NAMES + 2)  # that it has no MMSI, each of these, any other

@@ -38,9 +38,7 @@ class MultiHypothesis(Settings):
     window: Annotated[int, Field(ge=1, le=12)] = 3  # looks of a track, after which the choice of a plot is final
     leaves: Annotated[int, Field(ge=1, le=500)] = 20  # of a track, at most
     score_gap: Positive = 12.0  # a leaf that costs so much more than the cheapest of its track is dropped
-    patience: Count = (
-        8  # a track ends after so many looks without a plot of its chosen leaf; in place of `upkeep.delete_misses`
-    )
+    patience: Count = 8  # looks without a plot of its chosen leaf after which a track ends; not `upkeep.delete_misses`
     price_rounds: Annotated[int, Field(ge=1, le=1000)] = 100  # number of rounds of the global choice in a cluster, at most
     search_nodes: Annotated[int, Field(ge=1, le=100_000)] = 2000  # number of nodes of its branch and bound, at most
 
@@ -51,7 +49,7 @@ class MultiHypothesis(Settings):
         rates, densities = rules.by_number(memory.rates, sensors)
         detection, density = float(rates.probability[radar]), float(densities[radar])
         false_per_m2 = memory.false_plots_per_m2(parts.clutter, batch, density)
-        unborn_per_m2 = rules.new_vessels_per_m2 * rules.new_visibility * detection
+        unborn_per_m2 = float(rules.new_per_m2(rates.probability)[radar])
         nobody = false_per_m2 + unborn_per_m2
         period_s, before_s = float(sensors.period_s[radar]), table.looked_s[:, radar].copy()
         look = Look(radar, period_s, detection, np.full(len(before_s), -np.inf), before_s, nobody, forest.next_plot)
