@@ -79,6 +79,8 @@ class Sensor(TypedDict):
     spec: dict[str, float] | None
     heard_utc: str | None
     state: str | None
+    range_noise_factor: float | None  # learnt standard deviation over the stated one, of a radar
+    azimuth_noise_factor: float | None
     time_jitter_s: float | None
     vessels: int | None
     compared: int | None
@@ -326,10 +328,12 @@ def registration(rows: Rows, run_row: Run) -> Rows:
             errors.append(text if text is None or values.get(sigma) is None else f"{text} +- {values[sigma]:.3f}")
         range_nm = None if sensor["range_m"] is None else round(sensor["range_m"] / NAUTICAL_MILE_M, 2)
         site = (sensor["kind"], sensor["name"], sensor["region"], sensor["latitude_deg"], sensor["longitude_deg"], range_nm)
-        estimate = (sensor["heard_utc"], sensor["state"], *errors, sensor["time_jitter_s"], sensor["vessels"])
+        factors = (sensor["range_noise_factor"], sensor["azimuth_noise_factor"])
+        noise = None if factors[0] is None else " ".join("-" if f is None else f"{f:.2f}" for f in factors)
+        estimate = (sensor["heard_utc"], sensor["state"], *errors, noise, sensor["time_jitter_s"], sensor["vessels"])
         table.append((*site, spec, *estimate, _evidence(sensor, false_alarm)))
     names = ("kind", "name", "region", "latitude_deg", "longitude_deg", "range_nm", "specification", "heard_utc", "state")
-    return Rows((*names, *(value for value, _ in ERRORS), "time_jitter_s", "vessels", "evidence"), table)
+    return Rows((*names, *(value for value, _ in ERRORS), "noise_factors", "time_jitter_s", "vessels", "evidence"), table)
 
 
 def _evidence(s: Sensor, false_alarm: float | None) -> str | None:

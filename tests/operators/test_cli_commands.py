@@ -100,6 +100,8 @@ def test_sensors(finished_run: FinishedRun, capsys: pytest.CaptureFixture[str]) 
     table = answer(["sensors", "--db", url], capsys).splitlines()
     assert len(table) == 2 + 4
     assert sum("azimuth_sigma_deg=0.3" in row for row in table) == 1
+    assert "noise_factors" in table[0]
+    assert all(s["range_noise_factor"] >= 1.0 and s["azimuth_noise_factor"] >= 1.0 for s in said if s["kind"] == "radar")
     begun = json.loads(answer(["sensors", "--db", url, "--json", "--at", "2025-06-01T12:00:04Z"], capsys))
     assert {s["time_utc"] for s in begun if s["kind"] == "radar"} == {"2025-06-01T12:00:03.000Z"}
     assert main(["sensors", "--db", url, "--at", "2025-06-01T11:00:00Z"]) == 1

@@ -33,6 +33,8 @@ def test_sensors_as_they_were(url: str) -> None:
         assert now.column("name") == ["hill", "mouth", "fort", "island"]
         assert now.column("state") == [None, None, "settled", "unknown"]
         assert now.column("azimuth_bias_deg")[2] == pytest.approx(5.02)
+        assert now.column("range_noise_factor") == [None, None, 1.25, None]
+        assert now.column("azimuth_noise_factor") == [None, None, 1.0, None]
         assert before.column("state") == [None, None, "acquiring", "unknown"]
         assert before.column("azimuth_bias_deg")[2] == pytest.approx(5.008)
         assert before.column("azimuth_bias_deg")[1] == 0.0

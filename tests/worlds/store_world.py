@@ -136,7 +136,9 @@ def corrections_of(number: int) -> RadarCorrections:
     sigma = [np.array([s, np.nan]) for s in (1.6, np.radians(0.01 if settled else 0.2), 3.0, 0.1)]
     biases = [np.array([b, 0.0]) for b in (np.radians(5.0 + 0.001 * number), -12.0, 1.5)]
     state = np.array([2 if settled else 1, 0])
-    return RadarCorrections(*biases, *sigma, np.array([7, 0]), np.array([10.0 * number, 0.0]), state, np.zeros(2, np.bool_))
+    factors = np.array([[1.25, 1.0], [np.nan, np.nan]])
+    vessels, residuals, no = np.array([7, 0]), np.array([10.0 * number, 0.0]), np.zeros(2, np.bool_)
+    return RadarCorrections(*biases, *sigma, vessels, residuals, state, no, noise_factor=factors)
 
 
 def cover_of(number: int) -> RadarCover:

@@ -35,7 +35,7 @@ from sqlalchemy.types import TypeEngine
 T = TypeVar("T")
 Kind = TypeEngine[T] | type[TypeEngine[T]]
 
-REVISION = "0023"
+REVISION = "0024"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -293,6 +293,7 @@ SENSOR_REGISTRATION = of_run(
     *nullable(WHOLE, "states", "dropped"),  # of track sources, since the start of the run: received, and not used
     *nullable(WHOLE, "tracks"),  # of track sources, alive now
     *nullable(REAL, "position_sigma_m", "velocity_sigma_m_s"),  # of track sources, per axis, of tracks without covariance
+    *nullable(REAL, "range_noise_factor", "azimuth_noise_factor"),  # of radars: learnt standard deviation over the stated one
 )
 """What is known of a sensor after a cycle. Biases are of what it measures, to be subtracted; a lag is how late its stamps are."""
 

@@ -290,6 +290,7 @@ def registration_rows(
         of_radars(c.rival_share),
         *(NullableId(np.concatenate([before, counted])) for counted in (t.states, t.dropped, t.tracks)),
         *(np.concatenate([before * np.nan, sigma]) for sigma in (t.position_sigma_m, t.velocity_sigma_m_s)),
+        *map(of_radars, c.noise_factor.T),
     ]
 
 
