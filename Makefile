@@ -6,8 +6,7 @@ UV_VERSION = 0.13.8
 BIN = .venv/bin
 SYNC = --compile-bytecode
 WARM_UP = $(BIN)/coastwatch run guanabara --restart --set warmup_s=30 --set cycles=10
-# Whole runs come first: begun last, one process would end alone.
-TEST = $(BIN)/python -m pytest tests/whole tests -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+TEST = $(BIN)/python -m pytest tests -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 export UV_PROJECT_ENVIRONMENT = .venv
 # Of one file; a busy machine needs more than the minute that is the default.
 export UV_COMPILE_BYTECODE_TIMEOUT = 900

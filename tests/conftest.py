@@ -1,9 +1,13 @@
-"""How hard hypothesis searches: COASTWATCH_HYPOTHESIS=nightly searches longer, from a new seed each time."""
+"""The order of the test files, and how hard hypothesis searches.
+
+COASTWATCH_HYPOTHESIS=nightly searches longer, from a new seed each time.
+"""
 
 from __future__ import annotations
 
 import os
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 ANY_TIME = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -12,3 +16,18 @@ ANY_TIME = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("ci", max_examples=25, derandomize=True, **ANY_TIME)
 settings.register_profile("nightly", max_examples=200, **ANY_TIME)
 settings.load_profile(os.environ.get("COASTWATCH_HYPOTHESIS", "ci"))
+
+LONGEST = (
+    "whole/test_every_scenario",
+    "whole/test_context_driven",
+    "operators/test_land_on_map",
+    "server/test_run",
+    "flow/test_silent_sensors",
+)
+"""Begun first, longest first: a file is the work of one processor, and begun last it would keep the others waiting."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the files that take longest first."""
+    order = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: order.get(f"{item.path.parent.name}/{item.path.stem}", len(order)))
