@@ -111,6 +111,7 @@ def test_radars_that_fail_are_two_alarms_and_no_vessel_is_without_radar_or_lost(
     assert {text.split(" is silent")[0] for text in seen.evidence} == {"radar pao-de-acucar", "radar ilha-rasa"}
 
 
+@pytest.mark.slow
 def test_all_that_fails_is_three_alarms(world: World) -> None:
     seen = world.play(world.before.memory, range(FAILS, ENDS), "all")
     assert {kind: seen.begun[kind] for kind in SILENT} == {"ais_silent": 1, "radar_silent": 2, "source_silent": 0}

@@ -209,6 +209,7 @@ def test_no_shore_is_drawn_along_an_edge_of_a_tile(zoom: int) -> None:
                 assert not (along & inside).any(), (x, y, begin[along & inside])
 
 
+@pytest.mark.slow
 def test_outlines_are_valid_and_go_round_the_globe_without_a_step() -> None:
     for level in ("fine", "coarse"):
         land = coastline.polygons(level)
@@ -275,6 +276,13 @@ def show(page: Any, latitude: float, longitude: float, zoom: float) -> np.ndarra
     return np.asarray(Image.open(io.BytesIO(taken)).convert("RGB"), np.float64)
 
 
+@cache
+def fine_land() -> tuple[shapely.STRtree, shapely.STRtree]:
+    """The land of the finest level, and its shores."""
+    land = coastline.polygons("fine")
+    return shapely.STRtree(land), shapely.STRtree(shapely.boundary(land))
+
+
 @pytest.mark.parametrize(("latitude", "longitude", "zoom"), VIEWS)
 def test_the_page_draws_land_and_sea_where_natural_earth_has_them(
     page: Any, latitude: float, longitude: float, zoom: float
@@ -287,10 +295,9 @@ def test_the_page_draws_land_and_sea_where_natural_earth_has_them(
     position = np.array(page.evaluate(asked))
     turned = np.stack([position[:, 0], (position[:, 1] + 180.0) % 360.0 - 180.0], 1)
     points = shapely.points(((turned - coastline.OFFSET_DEG) / coastline.SCALE_DEG)[:, ::-1])
-    tree = shapely.STRtree(coastline.polygons("fine"))
+    land, lines = fine_land()
     expected = np.zeros(len(points), bool)
-    expected[tree.query(points, predicate="within")[0]] = True
-    lines = shapely.STRtree(shapely.boundary(coastline.polygons("fine")))
+    expected[land.query(points, predicate="within")[0]] = True
     pixel_steps = 360.0 / (512.0 * 2.0**zoom) / coastline.SCALE_DEG[1]
     beside = np.zeros(len(points), bool)
     beside[lines.query(points, predicate="dwithin", distance=6.0 * pixel_steps)[0]] = True

@@ -41,7 +41,8 @@ def postgresql_url(postgresql: str) -> Iterator[str]:
     with psycopg.connect(postgresql, autocommit=True) as server:
         server.execute(f"CREATE SCHEMA {name}")
         joint = "&" if "?" in postgresql else "?"
-        yield postgresql.replace("postgresql://", "postgresql+psycopg://") + f"{joint}options=-csearch_path%3D{name}"
+        options = f"options=-csearch_path%3D{name}%20-csynchronous_commit%3Doff"  # no test ends the database itself
+        yield f"{postgresql.replace('postgresql://', 'postgresql+psycopg://')}{joint}{options}"
         server.execute(f"DROP SCHEMA {name} CASCADE")
 
 

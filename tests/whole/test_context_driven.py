@@ -187,6 +187,7 @@ def test_the_chain_by_the_letter_misses_partners_until_its_threshold_is_hotellin
     assert 2.0 * fused["bound_position_rmse_m"] < fused["position_rmse_m"] < fused["radar_position_rmse_m"]
 
 
+@pytest.mark.slow
 def test_the_literal_association_of_bearings_runs_and_is_worse(folder: Path) -> None:
     settings = ("bearing_associations.method=bearing_windowed_covariance", *SMALL)
     literal = scores("context-driven-100", settings, SEEDS[0], folder)

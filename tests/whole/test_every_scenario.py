@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ SHORTENED: dict[str, dict[str, str]] = {
     "context-driven-500": FEW,
     "context-driven-1000": FEW,
     "guanabara": {"input.count": "60"},
-    "heymann-table-1": {"cycles": "60"},
+    "heymann-table-1": {"cycles": "30"},
     "misregistered-radars": FEW,
     "rangel-figure-3": FEW,
     "rangel-literal-noise": FEW,
@@ -50,6 +51,20 @@ SHORTENED: dict[str, dict[str, str]] = {
 
 PAST_S = {"busy-harbour": 1300.0, "solent": 1500.0}
 """Of its own time that a quick form lasts at least."""
+
+ALIKE = {
+    *("autoferry-3", "autoferry-6", "autoferry-13", "autoferry-17"),
+    *("context-driven-200", "liland-initiation", "liland-run-time"),
+    *("rangel-literal-noise", "rangel-table-6", "rangel-table-7", "rangel-table-8"),
+    *("sagild-difficult", "sagild-easy", "sagild-very-difficult"),
+}
+"""Each differs from a quick one in numbers alone, and runs with the slow tests."""
+
+
+def each(names: Iterable[str]) -> list[Any]:
+    """The names as parameters, those alike with the mark `slow`."""
+    return [pytest.param(name, marks=[pytest.mark.slow] * (name in ALIKE)) for name in names]
+
 
 QUICK = [name for name in SHIPPED if name not in SHORTENED]
 
@@ -93,16 +108,16 @@ def has_finite_scores(scores: dict[str, Any]) -> None:
 
 
 def test_each_shipped_scenario_is_run() -> None:
-    assert set(SHORTENED) <= set(SHIPPED)
+    assert set(SHORTENED) | ALIKE <= set(SHIPPED)
     assert len(QUICK) >= 15
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", each(QUICK))
 def test_a_quick_scenario_runs_whole(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     runs_whole(name, {}, tmp_path, capsys)
 
 
-@pytest.mark.parametrize("name", SHORTENED)
+@pytest.mark.parametrize("name", each(SHORTENED))
 def test_a_longer_scenario_runs_in_a_quick_form(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     runs_whole(name, SHORTENED[name], tmp_path, capsys)
 

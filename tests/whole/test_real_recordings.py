@@ -45,6 +45,7 @@ def history(path: Path, before: int = 10**9) -> list[tuple[Any, ...]]:
         return raw.execute("SELECT * FROM history WHERE cycle < ? ORDER BY cycle, vessel_id", (before,)).fetchall()
 
 
+@pytest.mark.slow
 @needs_solent
 def test_every_silenced_vessel_in_the_solent_is_flagged_and_hardly_another(tmp_path: Path) -> None:
     scenario = load_scenario("solent", {"cycles": "200"})

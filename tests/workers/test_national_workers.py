@@ -23,10 +23,8 @@ LEAST = 64
 """Rows a thread at least, in place of up to 4096: so few tracks would else be the work of one thread."""
 
 SPREAD = [
-    ("threads", 2, 0),
     ("threads", 4, 60),
     ("processes", 1, 1),
-    ("processes", 2, 0),
     ("processes", 2, 7),
     ("processes", 4, 60),
 ]
