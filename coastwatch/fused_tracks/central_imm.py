@@ -126,6 +126,9 @@ class CentralImm(FusionMethod):
     bearing_probability: PositiveShare = 0.99  # least, of bearings that are used; 1: none
     bearing_gate_sigmas: Positive = 4.0  # bearings farther from the filter are not used
     bearing_floor_m: NotNegative = 5.0  # standard deviation across the line of sight beside that of the bearing: the hull
+    bearing_rest_s: NotNegative = (
+        6.0  # after a plot or report for which bearings less certain than the filter are not used; 0: all are
+    )
     bearing_registration: NotNegative = 20.0  # times the variance of the sensor's bias is added: all bearings share it
     bearing_hold_s: NotNegative = 180.0  # longest that bearings alone continue a vessel; 0: not at all
 
@@ -157,7 +160,11 @@ class CentralImm(FusionMethod):
         first = intersect(vessels.take(plan.new), tracks, self.unknown_velocity_sigma_m_s, SEARCH_STEPS)
         filters = self._filters(memory, plan, tracks, first, time_s)
         models = self._models(memory.evidence)
-        evidence = self._update(filters, plan, given.measurements, has_ais[plan.continued], bearings, models)
+        tracked_s = np.full(count, -np.inf)
+        np.maximum.at(tracked_s, associations.vessel, tracks.updated_s)
+        evidence = self._update(
+            filters, plan, given.measurements, has_ais[plan.continued], tracked_s[plan.continued], bearings, models
+        )
         out = self._single_tracks(vessels, tracks, count)
         for estimate, of_tracks in zip(out, first, strict=True):
             estimate[plan.new] = of_tracks
@@ -235,12 +242,14 @@ class CentralImm(FusionMethod):
         plan: FilterPlan,
         measurements: Measurements,
         has_ais: Bools,
+        tracked_s: Floats,
         bearings: VesselBearings,
         models: Any,
     ) -> Floats:
         """Update the continued filters (G) by the measurements of their vessels' tracks, and by bearings.
 
-        Args: has_ais: (G,) whether AIS is in each; models: (J,) MODEL. Returns: (G, A + B) evidence of each for the alternatives.
+        Args: has_ais: (G,) whether AIS is in each; tracked_s: (G,) of the newest plot or report; models: (J,) MODEL.
+        Returns: (G, A + B) evidence of each for the alternatives.
         """
         count = len(plan.continued)
         filter_of = np.append(plan.filter_of_track, -1)[plan.track_of_measurement]
@@ -256,7 +265,7 @@ class CentralImm(FusionMethod):
         doubt[plots] = self.plot_doubt
         decides = np.isfinite(z[:, 2]) | ~has_ais[filter_of]
         if len(bearings) > 0:
-            of, *lines = self._across_lines_of_sight(filters, plan, bearings)
+            of, *lines = self._across_lines_of_sight(filters, plan, bearings, tracked_s)
             both = (filter_of, measured_s, z, noise, doubt, decides), (of, *lines, ~has_ais[of])
             joined = [np.concatenate(pair) for pair in zip(*both, strict=True)]
             order = np.lexsort((joined[1], joined[0]))
@@ -271,9 +280,13 @@ class CentralImm(FusionMethod):
         return evidence
 
     def _across_lines_of_sight(
-        self, filters: VesselFilters, plan: FilterPlan, bearings: VesselBearings
+        self, filters: VesselFilters, plan: FilterPlan, bearings: VesselBearings, tracked_s: Floats
     ) -> tuple[Ints, Floats, Floats, Floats, Floats]:
-        """Filter (B,) and TimedMeasurements of the bearings of continued filters that are in the gate."""
+        """Filter (B,) and TimedMeasurements of the bearings of continued filters that are in the gate.
+
+        All bearings of a camera share its error of a vessel, the hull and the place on it that is seen. So those less certain than a
+        filter that plots or reports keep would drag it. Args: tracked_s: (G,) of the newest plot or report.
+        """
         filter_of_vessel = np.full(int(bearings.vessel.max()) + 1, -1)
         named = plan.continued < len(filter_of_vessel)
         filter_of_vessel[plan.continued[named]] = np.flatnonzero(named)
@@ -284,9 +297,10 @@ class CentralImm(FusionMethod):
         variance = b.variance + self.bearing_registration * b.bias_variance
         site_m = difference_m(b.site_deg, filters.anchor_deg[filter_of])
         ahead_s = b.time_s - filters.updated_s[filter_of]
-        position, noise, near = _bearing_positions(
+        position, noise, near, better = _bearing_positions(
             before, ahead_s, site_m, b.bearing_rad, variance, self.bearing_floor_m, self.bearing_gate_sigmas
         )
+        near &= better | (b.time_s >= tracked_s[filter_of] + self.bearing_rest_s) | (self.bearing_rest_s == 0.0)
         order = np.flatnonzero(near)
         order = order[np.lexsort((b.bearing_rad[order], b.time_s[order], filter_of[order]))]
         z, full = np.full((len(order), 4), np.nan), np.zeros((len(order), 4, 4))
@@ -436,8 +450,10 @@ def _bearing_positions(
     variance: Floats,
     floor_m: float,
     gate_sigmas: float,
-) -> tuple[Floats, Floats, Bools]:
+) -> tuple[Floats, Floats, Bools, Bools]:
     """Position (B, 2) and noise (B, 2, 2) as which a filter takes each bearing, and whether the bearing is in the gate (B,).
+
+    The last array says whether the bearing is more certain than the filter, across the line of sight. (B,)
 
     The position is where the line of sight is nearest to the predicted vessel, so that the update is the extended Kalman update
     by the bearing. Vessels predicted on top of the sensor or behind it are not in the gate.
@@ -457,4 +473,4 @@ def _bearing_positions(
     near = (innovation**2 <= gate_sigmas**2 * (own + across_variance)) & (distance > gate_sigmas * np.sqrt(own))
     noise = across_variance[:, None, None] * across[:, :, None] * across[:, None]
     noise += ALONG_M**2 * along[:, :, None] * along[:, None]
-    return site_m + distance[:, None] * along, noise, near
+    return site_m + distance[:, None] * along, noise, near, across_variance <= own

@@ -152,6 +152,14 @@ def test_a_bearing_moves_the_vessel_across_the_line_of_sight():
     assert np.mean(errors(CentralImm()) ** 2) < 0.8 * np.mean(errors(CentralImm(bearing_probability=1.0)) ** 2)
 
 
+def test_a_bearing_coarser_than_the_filter_does_not_move_a_vessel_with_plots(monkeypatch):
+    """3 degrees at 4 km are 210 m, beside a filter on plots of 60 m."""
+    monkeypatch.setattr("test_vessel_bearings.SIGMA_RAD", np.radians(3.0))
+    nothing_said = errors(CentralImm(bearing_floor_m=1e6))
+    np.testing.assert_allclose(errors(CentralImm()), nothing_said, atol=0.01)
+    assert np.abs(errors(CentralImm(bearing_rest_s=0.0)) - nothing_said).max() > 1.0
+
+
 def test_the_known_bias_of_a_sensor_moves_nothing():
     np.testing.assert_allclose(errors(CentralImm(), bias_rad=0.05), errors(CentralImm()), atol=1e-3)
 
