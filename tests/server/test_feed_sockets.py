@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import socket
+from contextlib import ExitStack
 
 import pytest
 from feed_world import (
+    SENSORS,
     deliver,
     items,
     put,
+    put_datagrams,
     receiving,
 )
 from server_world import wait_for
@@ -16,6 +19,7 @@ from server_world import wait_for
 from coastwatch.errors import AddressError
 from coastwatch.operators.cli.serving import bound
 from coastwatch.server.feeds.address import parsed
+from coastwatch.server.feeds.sending import _Datagrams
 from coastwatch.server.feeds.transport import Inbox
 from coastwatch.server.link import Backoff, notice_loss
 
@@ -40,6 +44,8 @@ def test_each_wait_is_twice_the_one_before_up_to_the_longest(failures: int, wait
         "ais+tcp://x:99999",
         "ais+mqtt://x",
         "asterix+mqtt://x/topic",
+        "asterix+udp://239.192.0.1:8600?interface=north",
+        "asterix+udp://127.0.0.1:8600?interface=127.0.0.1",
     ],
 )
 def test_an_address_of_no_feed_is_refused(text: str) -> None:
@@ -97,6 +103,38 @@ def test_an_inbox_is_bounded_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert inbox.is_full
     assert len(inbox.pop_first(100)) == 18
     assert not inbox.is_full
+
+
+def test_of_datagrams_without_room_the_oldest_go_and_are_counted_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("coastwatch.server.feeds.transport.MOST_BYTES", 10_000)
+    with receiving("asterix+udp://127.0.0.1:0") as made:
+        put_datagrams(made.ports[0], [bytes([number]) * 1000 for number in range(12)])
+        deliver(made, 12)
+        inbox = made._receiver.inboxes[0]
+        made._feeds[0].look()
+        assert [data[0] for _, data, _ in inbox.pop_first(100)] == list(range(2, 12))
+        assert made.feeds()[0]["dropped"] == 2
+        put_datagrams(made.ports[0], [bytes(1000)] * 11)
+        deliver(made, 23)
+        made._feeds[0].look()
+        assert "1 lines, datagrams or reports were dropped in the last minute" in made.feeds()[0]["troubles"][0]
+
+
+def test_a_feed_joins_a_multicast_group_and_is_sent_to_it() -> None:
+    group = "asterix+udp://239.192.7.31:{}?interface=127.0.0.1&25/1=" + str(SENSORS.radars.name[0])
+    with receiving(group.format(0)) as made, ExitStack() as stack:
+        _Datagrams(parsed(group.format(made.ports[0])), stack).send([b"x" * 20] * 3)
+        deliver(made, 3)
+        assert made.feeds()[0]["bytes"] == 60
+
+
+def test_a_receive_buffer_that_is_smaller_than_asked_is_warned_of(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("coastwatch.server.feeds.transport.DATAGRAM_BUFFER", 1 << 30)
+    with receiving("asterix+udp://127.0.0.1:0") as made:
+        assert 0 < made._receiver.inboxes[0].buffer < 1 << 30
+    assert "wanted 1048576: datagrams are lost while this machine is busy" in caplog.text
 
 
 def test_a_sender_whose_machine_is_gone_is_noticed() -> None:

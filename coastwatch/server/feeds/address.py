@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from ipaddress import AddressValueError, IPv4Address
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from coastwatch.errors import AddressError
@@ -26,6 +27,12 @@ class Address:
     port: int = 0
     path: str = ""
     options: dict[str, str] = field(default_factory=dict)
+    interface: str = ""  # address of this machine by which datagrams of a group come and go; empty: the system chooses
+
+    @property
+    def is_group(self) -> bool:
+        """Whether it is a group of UDP multicast."""
+        return self.transport == "udp" and (of_ip := _ipv4(self.host)) is not None and of_ip.is_multicast
 
     @property
     def name(self) -> str:
@@ -70,4 +77,19 @@ def parsed(text: str) -> Address:
     if FORMATS[format_].in_datagrams and transport != "udp":
         raise AddressError(f"feed: got {text!r}, needed {format_}+udp: {format_.upper()} comes in datagrams")
     path = unquote(parts.path).strip("/") if transport in MQTT_PORTS else ""
-    return Address(text, format_, transport, parts.hostname or "127.0.0.1", port, path, options)
+    interface = options.pop("interface", "")
+    address = Address(text, format_, transport, parts.hostname or "127.0.0.1", port, path, options, interface)
+    if interface and (not address.is_group or _ipv4(interface) is None):
+        raise AddressError(
+            f"feed: got interface={interface} in {text!r}, needed an IPv4 address of this machine, with a multicast group such as "
+            f"{format_}+udp://239.192.0.1:8600?interface=192.168.1.10"
+        )
+    return address
+
+
+def _ipv4(text: str) -> IPv4Address | None:
+    """The address; none: it is a name, or of another kind."""
+    try:
+        return IPv4Address(text)
+    except AddressValueError:
+        return None

@@ -67,7 +67,8 @@ class _Feed:
         self.inbox, self.decoder = inbox, decoder
         self.began_s = now_s()
         self.items: list[Item] = []  # received and not yet decoded
-        self._looks: deque[tuple[float, int, int]] = deque()  # of the last minute: when, records used, and thrown away
+        # Of the last minute: when, records used, thrown away, and datagrams or lines dropped.
+        self._looks: deque[tuple[float, int, int, int]] = deque()
 
     @property
     def silent_s(self) -> float:
@@ -82,7 +83,7 @@ class _Feed:
     def look(self) -> None:
         """Note the counts, for `troubles`."""
         at_s, counts = now_s(), self.decoder.counts
-        self._looks.append((at_s, counts.records, counts.late + counts.before_run))
+        self._looks.append((at_s, counts.records, counts.late + counts.before_run, self.inbox.dropped + counts.dropped))
         while self._looks[0][0] < at_s - THROWN_WITHIN_S:
             self._looks.popleft()
 
@@ -94,7 +95,9 @@ class _Feed:
             sentences.append(sentence + (": the time of arrival is taken" if ahead_s > 0.0 else ""))
         looks = list(self._looks)
         if looks:
-            used, thrown = (looks[-1][k] - looks[0][k] for k in (1, 2))
+            used, thrown, dropped = (looks[-1][k] - looks[0][k] for k in (1, 2, 3))
+            if dropped:
+                sentences.append(f"{dropped} lines, datagrams or reports were dropped in the last minute: too long, or no room")
             if thrown >= LEAST_THROWN and thrown > THROWN_SHARE * (thrown + used):
                 sentence = f"{thrown} of {thrown + used} reports of the last minute were thrown away"
                 sentences.append(f"{sentence}: they came after their cycle, or are from before the run began")

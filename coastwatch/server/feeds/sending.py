@@ -142,6 +142,8 @@ class _Datagrams:
     def __init__(self, address: Address, stack: ExitStack) -> None:
         self._whole, self._to = FORMATS[address.format].in_datagrams, (address.host, address.port)
         self._socket = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        if address.interface:
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(address.interface))
 
     def send(self, items: list[bytes]) -> None:
         step = 1 if self._whole else LINES_A_DATAGRAM

@@ -1,14 +1,16 @@
 """Bytes of live feeds over TCP, UDP and files: asyncio in a thread of its own, with one bounded inbox for each feed.
 
-A full inbox stops the reading of a stream, so that its sender waits. Datagrams that do not fit are dropped and counted.
+A full inbox stops the reading of a stream, so that its sender waits. Of datagrams the oldest are dropped then, and counted.
 """
 
 from __future__ import annotations
 
 import asyncio
+import ipaddress
 import logging
 import os
 import socket
+import sys
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Callable, Coroutine, Iterator
@@ -30,11 +32,11 @@ from coastwatch.server.link import Backoff, Link, Reconnecting, notice_loss, rea
 MOST_ITEMS = 200_000
 """Lines or datagrams that may wait in an inbox."""
 
-MOST_SENDERS = 200
-"""Connections to one feed that listens: more would take the file handles of the others."""
-
 MOST_BYTES = 64 << 20
 """Their bytes together."""
+
+MOST_SENDERS = 200
+"""Connections to one feed that listens: more would take the file handles of the others."""
 
 MOST_ADDRESSES = 4_096
 """Senders of datagrams to one feed that are told apart."""
@@ -56,18 +58,20 @@ class Inbox(Link):
 
     address: Address
     received: int = 0  # lines or datagrams
-    dropped: int = 0  # lines too long, datagrams without room
+    dropped: int = 0  # lines too long, datagrams that had no room
     port: int = 0  # on which it listens
+    buffer: int = 0  # bytes that the system holds for it while nobody reads; 0: of a stream
     _items: deque[Item] = field(default_factory=deque)
     _put_bytes: int = 0  # written by the thread that receives
     _taken_bytes: int = 0  # written by the thread that takes
+    _dropped_bytes: int = 0  # written by the thread that receives
     _numbers: Iterator[int] = field(default_factory=count)
     _senders: OrderedDict[tuple[object, ...], int] = field(default_factory=OrderedDict)  # by address, the newest last
 
     @property
     def is_full(self) -> bool:
         """Whether it takes nothing more for now."""
-        return len(self._items) >= MOST_ITEMS or self._put_bytes - self._taken_bytes >= MOST_BYTES
+        return len(self._items) >= MOST_ITEMS or self._put_bytes - self._taken_bytes - self._dropped_bytes >= MOST_BYTES
 
     def new_sender(self) -> int:
         """The number of a sender that has just connected."""
@@ -81,6 +85,18 @@ class Inbox(Link):
                 self._senders.popitem(last=False)
         self._senders.move_to_end(address)
         return self._senders[address]
+
+    def sender_name(self, number: int) -> str:
+        """The address of a sender of datagrams, for operators."""
+        known = next((address for address, own in list(self._senders.items()) if own == number), None)
+        return f"sender {number}" if known is None else ":".join(map(str, known[:2]))
+
+    def drop_oldest(self) -> None:
+        """Make room for a datagram."""
+        with suppress(IndexError):  # the other thread has just taken it
+            while self.is_full:
+                self._dropped_bytes += len(self._items.popleft()[1])
+                self.dropped += 1
 
     def put(self, lines: list[bytes], size: int, sender: int) -> None:
         """Add lines or datagrams that have just come. Args: size: bytes received."""
@@ -164,16 +180,46 @@ async def _opened(inbox: Inbox) -> asyncio.AbstractServer | asyncio.BaseTranspor
             server = await asyncio.start_server(room.accepted, address.host, address.port, limit=READ_BYTES)
             inbox.port = server.sockets[0].getsockname()[1]
             return server
-        transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(inbox), (address.host, address.port))
+        if address.is_group:
+            transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(inbox), sock=_member(address))
+        else:
+            transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(inbox), (address.host, address.port))
     except OSError as error:
         raise OSError(f"feed {address.text}: {reason_of(error)}") from error
     except UnicodeError as error:
         raise OSError(f"feed {address.text}: got {address.host!r}, which is no name of a machine: {error}") from error
     receiver = transport.get_extra_info("socket")
+    inbox.port, inbox.connected = receiver.getsockname()[1], 1
+    inbox.buffer = _granted(receiver)
+    if inbox.buffer < DATAGRAM_BUFFER:
+        LOG.warning(
+            f"feed {address.name}: the system grants a receive buffer of {inbox.buffer >> 10} kB, wanted {DATAGRAM_BUFFER >> 10}: "
+            f"datagrams are lost while this machine is busy; `sysctl -w net.core.rmem_max={DATAGRAM_BUFFER}` allows it"
+        )
+    return transport
+
+
+def _member(address: Address) -> socket.socket:
+    """A socket that takes what is sent to a multicast group. Raises: OSError."""
+    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # others of this machine may listen too
+        receiver.bind((address.host, address.port))
+        group, own = (ipaddress.IPv4Address(one).packed for one in (address.host, address.interface or "0.0.0.0"))
+        receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group + own)
+        receiver.setblocking(False)
+    except OSError:
+        receiver.close()
+        raise
+    return receiver
+
+
+def _granted(receiver: socket.socket) -> int:
+    """Ask for the usual buffer. Returns: bytes that the system gives."""
     with suppress(OSError):
         receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_BUFFER)
-    inbox.port, inbox.connected = receiver.getsockname()[1], 1
-    return transport
+    granted = receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+    return granted // 2 if sys.platform == "linux" else granted  # Linux says twice what it gives
 
 
 class _Datagrams(asyncio.DatagramProtocol):
@@ -184,8 +230,7 @@ class _Datagrams(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: tuple[object, ...]) -> None:
         if self._inbox.is_full:
-            self._inbox.dropped += 1
-            return
+            self._inbox.drop_oldest()
         self._inbox.put([data] if self._whole else data.splitlines(), len(data), self._inbox.sender_at(addr))
 
 
