@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from coastwatch.batches.struct import Struct, column
-from coastwatch.kernels.arrays import Array, Floats
+from coastwatch.kernels.arrays import Array, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +23,17 @@ class RadarVideo(Struct):
     azimuth_rad: Floats = column(np.float64, "S")  # true, of the middle of the spoke, 0 to 2 pi
     site_deg: Floats = column(np.float64, "S", 2)  # where the antenna was
     level: Array = column(np.uint8, "S", "C")  # see `Radars.db_per_level`
+    bits: int = 8  # of a cell as the radar sends it: levels of 1, 2 and 4 bits are as they are
+    # First cell and end of what did not come of each spoke: its level is 0, and nothing is looked for there.
+    missing: Ints = field(default_factory=lambda: np.zeros((0, 2), np.int64), metadata=column(np.int64, "S", 2).metadata)
     # Range of each true vessel where the spoke points near it, NaN elsewhere; no vessel where the video is not simulated.
     vessel_m: Floats = field(default_factory=lambda: np.zeros((0, 0)), metadata=column(np.float64, "S", "V").metadata)
 
     def __post_init__(self) -> None:
         if not len(self.vessel_m):
             object.__setattr__(self, "vessel_m", np.zeros((len(self), 0)))
+        if not len(self.missing):
+            object.__setattr__(self, "missing", np.zeros((len(self), 2), np.int64))
         super().__post_init__()
         if not (self.cell_m > 0.0 and self.first_m >= 0.0):
             raise ValueError(
@@ -40,7 +45,7 @@ class RadarVideo(Struct):
 
     def take(self, rows: Array | slice) -> RadarVideo:
         """The spokes at these indices or under this mask, in that order."""
-        names = ("time_s", "received_s", "azimuth_rad", "site_deg", "level", "vessel_m")
+        names = ("time_s", "received_s", "azimuth_rad", "site_deg", "level", "missing", "vessel_m")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 

@@ -13,6 +13,7 @@ from coastwatch.batches import Bools, Floats, Ints, Reports, limits
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
+from coastwatch.formats.video_state import VideoState
 
 Item = tuple[float, bytes, int]
 """When a line or datagram came, Unix time, NaN: unknown; its bytes; and the number of its sender: of a connection, or of an address."""
@@ -48,6 +49,7 @@ class FeedSettings:
     source: str = ""  # the track source that its tracks are of
     number: int = 0  # among the feeds of its format
     checked: bool = True  # stamps are judged by the clock of this machine
+    sender_name: Callable[[int], str] = str  # of the sender of this number, for operators
 
 
 @dataclass
@@ -60,6 +62,7 @@ class Counts:
     dropped: int = 0  # left out: more waited for their cycle than there is room for
     repeated: int = 0  # left out: the same as another one
     ledger: Ledger = field(default_factory=Ledger)  # of lines and records, counted where they are cut from what came
+    radars: dict[str, VideoState] = field(default_factory=dict)  # that send video, by name
     _began_s: float | None = None
 
     def begin(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -67,6 +68,8 @@ class Format:
     encode: Callable[[Reports, SensorNames], list[bytes]] | None = None  # lines or datagrams of reports
     encodes: tuple[str, ...] = ()  # the kinds of reports that `encode` takes: fields of `Reports`
     pictures: Callable[[OutSettings], Encoder] | None = None
+    renumber: Callable[[list[bytes], Counter[bytes]], list[bytes]] | None = None
+    """Of what `encode` makes: with numbers that go on from call to call. The counter, of what was sent by each sensor, is kept up."""
     in_datagrams: bool = False  # a message is a datagram; else it is a line
     length: Callable[[bytes, int], int] = line_length
     """(data, begin) -> bytes of the message of a file that begins there, 0 or less: its end has not come. Raises: ValueError."""

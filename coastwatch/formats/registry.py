@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from coastwatch.batches import Sensors
 from coastwatch.formats.asterix.decoder import ASTERIX
+from coastwatch.formats.asterix.video_feed import VIDEO
 from coastwatch.formats.cot import COT
 from coastwatch.formats.decoding import Decoder, FeedSettings, OptionError, ReportsBetween
 from coastwatch.formats.format import Format
@@ -14,7 +15,7 @@ from coastwatch.formats.json_lines import JSON
 from coastwatch.formats.nmea.ais import AIS
 from coastwatch.formats.nmea.targets import TLL, TTM
 
-FORMATS: dict[str, Format] = {one.name: one for one in (AIS, ASTERIX, TTM, JSON, COT, TLL)}
+FORMATS: dict[str, Format] = {one.name: one for one in (AIS, ASTERIX, TTM, JSON, COT, TLL, VIDEO)}
 DECODED = tuple(name for name, one in FORMATS.items() if one.decoder is not None)
 PICTURES = tuple(name for name, one in FORMATS.items() if one.pictures is not None)
 

@@ -203,6 +203,17 @@ def test_nothing_is_found_in_a_mask():
 
 
 @pytest.mark.contract
+def test_what_did_not_come_of_a_spoke_is_not_looked_at():
+    level = np.full((600, 200), 20, np.uint8)
+    level[300:304, 100:104] = 200
+    missing = np.zeros((600, 2), np.int64)
+    _, found = plots_of(AbsoluteExtraction(least_level=100), video(level, missing=missing), radars())
+    assert len(found) == 1
+    missing[300:304] = 90, 200
+    _, found = plots_of(AbsoluteExtraction(least_level=100), video(level, missing=missing), radars())
+    assert len(found) == 0
+
+
 def test_the_checkpoint_of_a_radar_is_small():
     rng = np.random.default_rng(9)
     level = rng.integers(10, 40, (4096 + 200, 2048)).astype(np.uint8)

@@ -1,6 +1,6 @@
 """Radar video on the wire: messages of ASTERIX CAT 240, edition 1.3, in both directions.
 
-One message is a spoke, or a part of one. Parts are not joined here, and times of day have no date.
+One message is a spoke, or a part of one. `spokes` joins parts, and times of day have no date here.
 Source: EUROCONTROL, Specification for Surveillance Data Exchange, Category 240, Radar Video Transmission, edition 1.3, 2015.
 """
 
@@ -29,6 +29,7 @@ FIXED = {SOURCE: 2, MESSAGE: 1, NUMBER: 4, NANO: 12, FEMTO: 12, RESOLUTION: 2, C
 REPEATED = BLOCKS | {TEXT: 1}
 SELF_SIZED = (13, 14)  # reserved expansion and special purpose: the first octet is the length
 NS_FS, DAY_STEPS = 1_000_000, 128
+NAN = float("nan")
 
 
 class VideoMessage(NamedTuple):
@@ -43,6 +44,8 @@ class VideoMessage(NamedTuple):
     duration_fs: int  # of a cell
     level: Array  # (C,) uint8; cells of 1, 2 and 4 bits as they are, of 16 and 32 bits scaled down
     time_of_day_s: float  # NaN: not sent
+    bits: int = 8  # of a cell
+    compressed: bool = False
 
 
 class VideoText(NamedTuple):
@@ -54,7 +57,7 @@ class VideoText(NamedTuple):
 
 
 class VideoFault(ValueError):
-    """A message that is not one of category 240, with a short reason."""
+    """A message that is not one of category 240: a short reason, and after a semicolon what was got and needed."""
 
 
 def decode(datagram: bytes) -> tuple[list[VideoMessage | VideoText], list[str]]:
@@ -79,10 +82,10 @@ def decode(datagram: bytes) -> tuple[list[VideoMessage | VideoText], list[str]]:
     return out, faults
 
 
-def encode(message: VideoMessage, bits: int = 8, compressed: bool = False) -> bytes:
-    """The data block of a message. Args: bits: of a cell, 1 to 32; levels are written as they are, those of 16 and 32 bits scaled up."""
-    raw = _packed(message.level, bits)
-    raw = zlib.compress(raw, 1) if compressed else raw
+def encode(message: VideoMessage) -> bytes:
+    """The data block of a message. Levels are written as they are, those of 16 and 32 bits scaled up. Raises: VideoFault."""
+    raw = _packed(message.level, message.bits)
+    raw = zlib.compress(raw, 1) if message.compressed else raw
     frn, size = next((f, s) for f, s in BLOCKS.items() if len(raw) <= 255 * s or s == max(BLOCKS.values()))
     blocks = -(-len(raw) // size)
     if blocks > 255:
@@ -93,12 +96,12 @@ def encode(message: VideoMessage, bits: int = 8, compressed: bool = False) -> by
         MESSAGE: bytes([VIDEO]),
         NUMBER: struct.pack(">I", message.number),
         FEMTO: struct.pack(">HHII", message.start, message.end, message.first_cell, message.duration_fs),
-        RESOLUTION: bytes([0x80 * compressed, CODES[bits]]),
+        RESOLUTION: bytes([0x80 * message.compressed, CODES[message.bits]]),
         COUNTERS: struct.pack(">H", len(raw)) + len(message.level).to_bytes(3, "big"),
         frn: bytes([blocks]) + raw.ljust(blocks * size, b"\0"),
     }
     if has_time:
-        items[TIME] = round(message.time_of_day_s * DAY_STEPS).to_bytes(3, "big")
+        items[TIME] = (round(message.time_of_day_s * DAY_STEPS) % (86_400 * DAY_STEPS)).to_bytes(3, "big")
     present = [frn in items for frn in range(1, 15)]
     fspec = bytes([sum(0x80 >> k for k in range(7) if present[k]) | 1, sum(0x80 >> k for k in range(7) if present[7 + k])])
     body = fspec + b"".join(items[frn] for frn in sorted(items))
@@ -165,21 +168,22 @@ def _video(sac: int, sic: int, items: dict[int, bytes]) -> VideoMessage:
         raise VideoFault("record: of video without an item that it needs")
     start, end, first_cell, duration = struct.unpack(">HHII", items[header])
     octets, cells = int.from_bytes(items[COUNTERS][:2], "big"), int.from_bytes(items[COUNTERS][2:], "big")
-    code = items[RESOLUTION][1]
+    packed, code = bool(items[RESOLUTION][0] & 0x80), items[RESOLUTION][1]
     if code not in BITS or cells > MOST_CELLS:
-        raise VideoFault("cells: more than 65,536, or of an unknown size")
+        raise VideoFault(f"cells: more than 65,536, or of an unknown size; got {cells} of code {code}")
     raw, need = items[block][1 : 1 + octets], -(-cells * BITS[code] // 8)
-    if items[RESOLUTION][0] & 0x80:
+    if packed:
         try:
-            raw = zlib.decompressobj().decompress(raw, max(need, 1))  # never more than it announces
+            raw = zlib.decompressobj().decompress(raw, max(need, 1))[:need]  # never more than it announces
         except zlib.error as error:
             raise VideoFault("cells: not in zlib") from error
-    if len(raw) < need:
-        raise VideoFault("cells: fewer than announced")
-    time_s = int.from_bytes(items[TIME], "big") / DAY_STEPS if TIME in items else float("nan")
+    if len(raw) != need:
+        raise VideoFault(f"cells: not as many as announced; got {len(raw)} octets, needed {need}")
+    time_s = int.from_bytes(items[TIME], "big") / DAY_STEPS if TIME in items else NAN
     number = int.from_bytes(items[NUMBER], "big")
     duration_fs = duration * (NS_FS if header == NANO else 1)
-    return VideoMessage(sac, sic, number, start, end, first_cell, duration_fs, _levels(raw[:need], BITS[code], cells), time_s)
+    level = _levels(raw, BITS[code], cells)
+    return VideoMessage(sac, sic, number, start, end, first_cell, duration_fs, level, time_s, BITS[code], packed)
 
 
 def _levels(raw: bytes, bits: int, cells: int) -> Array:
@@ -188,7 +192,7 @@ def _levels(raw: bytes, bits: int, cells: int) -> Array:
     if bits < 8:
         shifts = np.arange(8 - bits, -1, -bits, dtype=np.uint8)
         return np.asarray(((octets[:, None] >> shifts) & np.uint8((1 << bits) - 1)).ravel()[:cells])
-    return np.array(octets[:: bits // 8][:cells])
+    return octets[:: bits // 8]
 
 
 def _packed(level: Array, bits: int) -> bytes:

@@ -236,9 +236,9 @@ def feed(parser: argparse.ArgumentParser) -> None:
     """Send the reports of a scenario, or the sentences of a recorded file, to live feeds by their times: a load generator, and
     a demo of live feeds. A simulation at speed 1 begins now. It prints how many lines or datagrams it sent.
     """
-    text = "name of a scenario, folder, .toml file, or a file of AIS sentences"
+    text = "name of a scenario, folder, .toml file, a file of AIS sentences, or a capture (PCAP)"
     completed_by(parser.add_argument("source", metavar="SCENARIO|FILE", help=text))
-    text = "where to, as option --feed of serve: ais+tcp (connect), ais+listen, ais+udp, ais+file, asterix+udp, json+tcp; repeatable"
+    text = "where to, as option --feed of serve: ais+tcp (connect), ais+listen, ais+udp, ais+file, asterix+udp, video+udp, json+tcp; repeatable"
     parser.add_argument("--to", metavar="URL", action="append", required=True, help=text)
     add_set(parser, "override a setting of the scenario; repeatable")
     parser.add_argument(

@@ -42,6 +42,7 @@ class SpokeMemory(Struct):
 
     first_m: float
     cell_m: float
+    bits: int  # of a cell
     row: int  # the first spoke that is not looked at yet
     entered: int  # spokes whose clipped levels are written
     angle_before: Floats = column(np.float64, 3)  # as of `kernels.video.spokes.unwrapped`
@@ -130,8 +131,8 @@ def extracted(
     for video in given.video.parts:
         radar = VideoRadar.of(given.sensors, video.sensor)
         detection = detection_of(radar, video)
-        spokes, scale = radars.get(video.sensor), (video.first_m, video.cell_m, video.level.shape[1], video.vessel_m.shape[1])
-        if spokes is None or scale != (spokes.first_m, spokes.cell_m, spokes.level.shape[1], spokes.vessel_m.shape[1]):
+        spokes = radars.get(video.sensor)
+        if spokes is None or _scale(spokes) != _scale(video):
             spokes = _no_spokes(video)
         for first in range(0, len(video), MOST_SPOKES):
             some = video.take(slice(first, first + MOST_SPOKES))
@@ -143,6 +144,11 @@ def extracted(
     return ExtractionMemory(radars), together.take(np.argsort(together.received_s, kind="stable"))
 
 
+def _scale(of: SpokeMemory | RadarVideo) -> tuple[float, ...]:
+    """What stays the same while the memory of a radar is of use."""
+    return of.first_m, of.cell_m, of.bits, of.level.shape[1], of.vessel_m.shape[1]
+
+
 def _no_spokes(video: RadarVideo) -> SpokeMemory:
     """The memory before the first spoke of a radar, or of a range scale."""
     cells = video.level.shape[1]
@@ -151,6 +157,7 @@ def _no_spokes(video: RadarVideo) -> SpokeMemory:
     return SpokeMemory(
         first_m=video.first_m,
         cell_m=video.cell_m,
+        bits=video.bits,
         row=0,
         entered=0,
         angle_before=np.full(3, np.nan),
@@ -198,10 +205,10 @@ def _appended(m: SpokeMemory, video: RadarVideo, radar: VideoRadar, detection: D
 
 
 def _masked(mask_deg: Floats, video: RadarVideo, radar: VideoRadar, masks: Masks) -> tuple[Floats, Array]:
-    """Where the antenna was when the mask was made, and the mask of each spoke. (2,), (S, C)"""
+    """Where the antenna was when the mask was made, and the mask of each spoke, with what did not come. (2,), (S, C)"""
     clipped, sectors = np.zeros(video.level.shape, np.uint8), masks.of(radar.name)
     if sectors is None:
-        return mask_deg, clipped
+        return mask_deg, _without_missing(clipped, video)
     scale, at = Scale(video.first_m, video.cell_m, video.level.shape[1], radar.beam_rad, radar.pulse_m), 0
     while at < len(video):
         off_m = np.hypot(*difference_m(video.site_deg[at:], mask_deg).T)
@@ -213,7 +220,14 @@ def _masked(mask_deg: Floats, video: RadarVideo, radar: VideoRadar, masks: Masks
         mask = mask_of(sectors, masks.land_deg, (float(mask_deg[0]), float(mask_deg[1])), scale)
         clipped[at:end] = mask[(video.azimuth_rad[at:end] % TURN_RAD / TURN_RAD * len(mask)).astype(np.int64) % len(mask)]
         at = end
-    return mask_deg, clipped
+    return mask_deg, _without_missing(clipped, video)
+
+
+def _without_missing(clipped: Array, video: RadarVideo) -> Array:
+    """The mask with what did not come of each spoke. It writes into the mask."""
+    for row in np.flatnonzero(video.missing[:, 1] > video.missing[:, 0]):
+        clipped[row, slice(*video.missing[row])] = kernels.video.background.MASKED
+    return clipped
 
 
 def _advanced(m: SpokeMemory, radar: VideoRadar, detection: Detection) -> tuple[SpokeMemory, RadarReports]:

@@ -13,7 +13,7 @@ from coastwatch.formats.registry import DECODED, FORMATS
 TRANSPORTS = ("tcp", "listen", "udp", "file", "mqtt", "mqtts")
 MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
 LONGEST_NAME = 32  # of a source
-EXAMPLES = "ais+tcp://host:10110, ais+listen://127.0.0.1:10110, asterix+udp://127.0.0.1:8600, ais+file:///var/log/ais.nmea"
+EXAMPLES = "ais+tcp://host:10110, ais+listen://127.0.0.1:10110, asterix+udp://127.0.0.1:8600, video+udp://239.192.0.1:8600"
 
 
 @dataclass(frozen=True)

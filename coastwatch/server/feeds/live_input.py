@@ -142,7 +142,10 @@ class LiveInput:
         self._has_begun = False
         self._period_s, self._decoded_s = 0.0, now_s()  # of a cycle; when decoding ended last
         self._receiver = Receiver(addresses)
-        feeds = [(address.format, address.settings(clock == "wall")) for address in addresses]
+        feeds = [
+            (address.format, replace(address.settings(clock == "wall"), sender_name=inbox.sender_name))
+            for address, inbox in zip(addresses, self._receiver.inboxes, strict=True)
+        ]
         try:
             decoders, self._report_sources = decoders_of(feeds, sensors)
         except OptionError as error:

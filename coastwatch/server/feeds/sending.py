@@ -6,6 +6,7 @@ import math
 import socket
 import threading
 import time
+from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
@@ -27,6 +28,9 @@ from coastwatch.server.link import Backoff, Link, Reconnecting
 
 STEP_S = 0.2
 """Reports of so much time are sent together."""
+
+VIDEO_STEP_S = 0.04
+"""The same of video, which would fill the buffers of the system."""
 
 LINES_A_DATAGRAM = 10
 CONNECT_S, LISTEN_S = 20.0, 2.0  # how long it is tried to connect, and how long at a time
@@ -74,7 +78,8 @@ def of_scenario(scenario: Scenario, sensors: Sensors, formats: Collection[str], 
     if now:
         plan = plan.model_copy(update={"start_s": float(math.ceil(time.time()))})
     recording = scenario.input.load(sensors, scenario.seed, plan)
-    encode = partial(_encoded, _kinds(formats), {"plot": sensors.radars.name, "bearing": sensors.sonars.name})
+    names, numbers = {"plot": sensors.radars.name, "bearing": sensors.sonars.name}, defaultdict[str, Counter[bytes]](Counter)
+    encode, step_s = partial(_encoded, _kinds(formats), names, numbers), VIDEO_STEP_S if "video" in formats else STEP_S
     before_s, stop_s = plan.start_s, plan.instant_s(plan.cycles - 1)
     begin_s = float(math.floor(time.time())) if now else before_s
     if begin_s > before_s:
@@ -82,7 +87,7 @@ def of_scenario(scenario: Scenario, sensors: Sensors, formats: Collection[str], 
         yield begin_s, partial(encode, named)
         before_s = begin_s
     while before_s < stop_s:
-        until_s = before_s + STEP_S
+        until_s = before_s + step_s
         yield until_s, partial(encode, recording.reports.between(before_s, until_s))
         before_s = until_s
 
@@ -98,9 +103,13 @@ def _kinds(formats: Collection[str]) -> dict[str, list[str]]:
     return {name: [kind for kind in kinds if len(kinds) == least[kind]] for name, kinds in encoded_kinds.items()}
 
 
-def _encoded(kinds: dict[str, list[str]], names: SensorNames, reports: Reports, address: Address) -> list[bytes]:
+def _encoded(
+    kinds: dict[str, list[str]], names: SensorNames, numbers: dict[str, Counter[bytes]], reports: Reports, address: Address
+) -> list[bytes]:
+    """What a feed carries of some reports. Args: numbers: of the messages sent so far by each sensor, by feed."""
     own = {kind: getattr(reports, kind) for kind in kinds[address.format]}
-    return encoded(replace(Reports.empty(), **own), address, names)
+    messages, renumber = encoded(replace(Reports.empty(), **own), address, names), FORMATS[address.format].renumber
+    return messages if renumber is None else renumber(messages, numbers[address.text])
 
 
 def of_file(path: Path, formats: Sequence[str]) -> Iterator[Batch]:

@@ -1,0 +1,67 @@
+"""Radar video over sockets: a scenario is sent and served, and its vessels are tracked."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx2 as httpx
+import numpy as np
+import pytest
+from server_world import listening, wait_for
+
+from coastwatch import store
+from coastwatch.geodesy import to_plane
+from coastwatch.operators.api.service import Service
+from coastwatch.scenario import Scenario, load_scenario
+from coastwatch.server.feeds.address import parsed
+from coastwatch.server.feeds.live_input import LiveInput
+from coastwatch.server.feeds.sending import of_scenario, send
+from coastwatch.server.live import LiveRun
+
+pytestmark = pytest.mark.whole
+
+SMALL = {"radars.0.range_nm": "3.0", "input.cells": "256", "input.spokes": "512", "cycles": "14"}
+SPEED = 15.0
+GROUP = "239.192.7.32"
+
+
+@contextmanager
+def sent(scenario: Scenario, port: int) -> Iterator[dict[str, int]]:
+    """Send a scenario to a group. Yields: how many datagrams were sent, once it is over."""
+    stop, counts = threading.Event(), dict[str, int]()
+    to = parsed(f"video+udp://{GROUP}:{port}?interface=127.0.0.1")
+    batches = of_scenario(scenario, scenario.sensors(), ["video"], now=False)
+    thread = threading.Thread(target=lambda: counts.update(send(batches, [to], SPEED, stop)))
+    thread.start()
+    try:
+        yield counts
+    finally:
+        stop.set()
+        thread.join()
+
+
+def test_video_that_is_sent_over_a_group_is_served_as_tracks(tmp_path: Path) -> None:
+    url, scenario = f"sqlite:///{tmp_path / 'live.db'}", load_scenario("heymann-table-1", SMALL)
+    address = parsed(f"video+udp://{GROUP}:0?interface=127.0.0.1&25/1=radar&date=2016-06-01")
+    with (
+        store.open_store(url) as opened,
+        LiveInput([address], scenario.sensors(), clock="feeds") as source,
+    ):
+        service = Service(opened)
+        run = LiveRun(scenario, source, service.receive, database=url, workers=1)
+        service.source = run
+        with listening(service, web=tmp_path) as where, sent(scenario, source.ports[0]), run:
+            wait_for(lambda: service.hub.picture is not None and len(service.picture()) >= 2, 300.0)
+            picture = service.picture()
+            (feed,) = httpx.get(f"http://{where}/api/v1/feeds").json()["feeds"]
+    assert not run.failed
+    truth = scenario.input.load(scenario.sensors(), 1, scenario.plan()).truth
+    assert truth is not None
+    true_deg = truth.at(picture.time_s).position_deg
+    off_m = [np.hypot(*to_plane(picture.positions_deg(), one).T).min() for one in true_deg]
+    assert max(off_m) < 60.0
+    assert (feed["late"], feed["refused"], feed["dropped"]) == (0, 0, 0)
+    assert feed["records"] >= 4 * 512
