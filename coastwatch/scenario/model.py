@@ -25,7 +25,7 @@ from coastwatch.picture import Identity
 from coastwatch.plots import CfarExtraction, PlotConverter, PlotExtractor, PolarConversion
 from coastwatch.registration import OnlineRegistration, Registrar
 from coastwatch.scenario.sites import Area, Name, Radar, Sonar, Station, TrackSource, sensors_of
-from coastwatch.sensors import Feed, Tables
+from coastwatch.sensors import Feed, Tables, VideoFiles
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
 from coastwatch.stage import Count, CountOrZero, Method, NotNegative, Plan, Positive, Settings
 from coastwatch.tracks import (
@@ -234,7 +234,10 @@ class Scenario(Settings):
             cycles = self.warmup_cycles + self.cycles
             return Plan(start_s=self.start_utc.timestamp(), period_s=self.period_s, cycles=cycles)
         feed = self.input
-        first_s, stop_s = feed.span(self.sensors()) if isinstance(feed, Tables) and feed.feeds else feed.span()
+        if isinstance(feed, VideoFiles) or (isinstance(feed, Tables) and feed.feeds):
+            first_s, stop_s = feed.span(self.sensors())
+        else:
+            first_s, stop_s = feed.span()
         start_s = float(np.floor(first_s)) - 1.0 if self.start_utc is None else self.start_utc.timestamp()
         cycles = self.warmup_cycles + self.cycles if self.cycles else max(int(np.ceil((stop_s - start_s) / self.period_s)), 0)
         return Plan(start_s=start_s, period_s=self.period_s, cycles=cycles)

@@ -9,13 +9,14 @@ from coastwatch.sensors.recorded.datasets.solent import Solent
 from coastwatch.sensors.recorded.nmea.feed import Nmea
 from coastwatch.sensors.recorded.tables.ais import AisTable
 from coastwatch.sensors.recorded.tables.feed import Tables
+from coastwatch.sensors.recorded.video.feed import VideoFiles
 from coastwatch.sensors.simulated.crossing import Crossing
 from coastwatch.sensors.simulated.simulation import Simulated
 from coastwatch.sensors.simulated.start_states import StartStates
 from coastwatch.sensors.simulated.video import SimulatedVideo
 
 Feed = Annotated[
-    Simulated | Nmea | AisTable | Tables | Autoferry | Solent | Crossing | StartStates | SimulatedVideo,
+    Simulated | Nmea | AisTable | Tables | Autoferry | Solent | Crossing | StartStates | SimulatedVideo | VideoFiles,
     Field(discriminator="method"),
 ]
 SIMULATIONS = (Simulated, Crossing, StartStates, SimulatedVideo)
@@ -33,4 +34,5 @@ __all__ = [
     "Solent",
     "StartStates",
     "Tables",
+    "VideoFiles",
 ]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import zlib
+from collections import OrderedDict
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
@@ -14,8 +16,11 @@ NEW_MAGIC = b"\x0a\x0d\x0d\x0a"
 MAGICS = (b"\xa1\xb2\xc3\xd4", b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\x3c\x4d", b"\x4d\x3c\xb2\xa1", NEW_MAGIC)
 MOST_BYTES = 1 << 24  # of a packet or a block: more is damage
 OTHER = SET_ASIDE + "packet without a datagram of the feed"
-FRAGMENT = "fragment of a datagram"
+FRAGMENT = "fragment of a datagram, the others did not come"
+MOST_OPEN = 256  # datagrams of which not every fragment has come; the oldest goes first
+MOST_DATAGRAM = 65_535  # bytes
 SHORT = "datagram cut by the capture"
+UDP_HEAD = 8  # bytes
 
 
 class Bytes:
@@ -66,6 +71,7 @@ def datagrams(stream: Bytes, name: str, port: int | None, tally: Tally) -> Itera
         packets, link = iter(reader), reader.datalink()
     except dpkt.Error as error:
         raise EOFError(f"the head of a capture alone ({type(error).__name__})") from error
+    fragments = _Fragments(tally)
     while (packet := _next(packets)) is not None:
         when_s, data = packet
         if not data:
@@ -74,14 +80,68 @@ def datagrams(stream: Bytes, name: str, port: int | None, tally: Tally) -> Itera
         datagram = getattr(network, "data", None)
         where = f"{name}: byte {stream.at - len(data)}"
         if isinstance(network, dpkt.ip.IP) and (network.mf or network.offset) and network.p == dpkt.ip.IP_PROTO_UDP:
-            tally.add(FRAGMENT, where)
-        elif not isinstance(datagram, dpkt.udp.UDP) or (port is not None and datagram.dport != port):
+            if (whole := fragments.joined(network, where)) is None:
+                continue
+            datagram = dpkt.udp.UDP(whole)
+        if not isinstance(datagram, dpkt.udp.UDP) or (port is not None and datagram.dport != port):
             tally.add(OTHER, where)
         elif len(datagram.data) < datagram.ulen - 8:
             tally.add(SHORT, where)
         else:
             payload = bytes(datagram.data)[: datagram.ulen - 8] if datagram.ulen else bytes(datagram.data)
             yield float(when_s), payload, zlib.crc32(network.src + datagram.sport.to_bytes(2, "big"))
+    fragments.close(name)
+
+
+class _Fragments:
+    """Fragments of IP, joined to datagrams."""
+
+    def __init__(self, tally: Tally) -> None:
+        self._tally = tally
+        self._open: OrderedDict[tuple[bytes, bytes, int], _Open] = OrderedDict()
+
+    def joined(self, network: Any, where: str) -> bytes | None:
+        """The datagram that a fragment completes; None: others are missing. Args: network: an IP packet of dpkt; where: in the capture."""
+        data, first = bytes(network.data), int(network.offset)
+        if len(data) != network.len - 4 * network.hl or first + len(data) > MOST_DATAGRAM:
+            self._tally.add(SHORT, where)
+            return None
+        key = (network.src, network.dst, int(network.id))
+        begun = self._open.pop(key, None) or _Open()
+        begun.parts[first], begun.fragments = data, begun.fragments + 1
+        begun.size = begun.size if network.mf else first + len(data)
+        whole = b"".join(begun.parts[at] for at in sorted(begun.parts))
+        if begun.size == len(whole) >= UDP_HEAD and begun.is_gapless():
+            return whole
+        self._open[key] = begun
+        if len(self._open) > MOST_OPEN:
+            _, oldest = self._open.popitem(last=False)
+            self._tally.add(FRAGMENT, where, count=oldest.fragments)
+        return None
+
+    def close(self, where: str) -> None:
+        """Count what is left at the end of the capture."""
+        if left := sum(one.fragments for one in self._open.values()):
+            self._tally.add(FRAGMENT, where, count=left)
+        self._open.clear()
+
+
+@dataclass
+class _Open:
+    """A datagram of which not every fragment has come."""
+
+    parts: dict[int, bytes] = field(default_factory=dict)  # by their place
+    size: int = 0  # of all of it; 0: not known
+    fragments: int = 0
+
+    def is_gapless(self) -> bool:
+        """Whether each part begins where the one before ends."""
+        at = 0
+        for first in sorted(self.parts):
+            if first != at:
+                return False
+            at += len(self.parts[first])
+        return True
 
 
 def _next(packets: Iterator[Any]) -> tuple[float, bytes] | None:

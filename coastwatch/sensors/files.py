@@ -6,7 +6,7 @@ import gzip
 import math
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -15,6 +15,7 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 from coastwatch.batches import Fault, FileContent, Reports, Sensors
 from coastwatch.errors import InputError
 from coastwatch.formats.decoding import DROPPED, LATE, Decoder, FeedSettings, Item, decode
+from coastwatch.formats.format import Format
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.registry import DECODED, FORMATS, decoders_of
 from coastwatch.sensors.captures import Bytes, datagrams, is_capture
@@ -86,7 +87,7 @@ def items_of(file: WireFile, tally: Tally) -> Iterator[Item]:
                         used = True
                         yield when_s, message, sender
             else:
-                for message in _messages(stream, format_.length, path.name, tally):
+                for message in _messages(stream, format_, path.name, tally):
                     used = True
                     yield math.nan, message, 0
         except (EOFError, ValueError, zlib.error, gzip.BadGzipFile) as error:
@@ -96,12 +97,13 @@ def items_of(file: WireFile, tally: Tally) -> Iterator[Item]:
             tally.add(kind, f"{path.name}: byte {stream.at}", str(error), used=True)
 
 
-def _messages(stream: Bytes, length: Callable[[bytes, int], int], name: str, tally: Tally) -> Iterator[bytes]:
-    """The messages of a file without their ends of line. Args: length: as of `Format`.
+def _messages(stream: Bytes, format_: Format, name: str, tally: Tally) -> Iterator[bytes]:
+    """The messages of a file; lines without their ends.
 
     Raises: EOFError: the last one is cut short; ValueError: the bytes are none.
     """
-    rest, rest_at, too_long = b"", 0, False
+    rest, rest_at, too_long, length = b"", 0, False, format_.length
+    line_end = b"" if format_.in_datagrams else b"\r\n"
     while block := stream.read(BLOCK_BYTES):
         rest += block
         begin = 0
@@ -109,7 +111,7 @@ def _messages(stream: Bytes, length: Callable[[bytes, int], int], name: str, tal
             if end - begin > LONGEST or too_long:
                 tally.add(TOO_LONG, f"{name}: byte {rest_at + begin}", count=int(not too_long))
             else:
-                yield rest[begin:end].rstrip(b"\r\n")
+                yield rest[begin:end].rstrip(line_end)
             begin, too_long = end, False
         rest, rest_at = rest[begin:], rest_at + begin
         if len(rest) > LONGEST:
@@ -201,7 +203,8 @@ class WireStream:
         """The times of the first and the last report. It reads all files to their ends."""
         self.rest(-math.inf)
         stamps = [file.decoder.stamps for file in self._files]
-        return min(one.first_s for one in stamps), max(one.newest_s for one in stamps)
+        first_s, newest_s = (one.first_s for one in stamps), (one.newest_s for one in stamps)
+        return min(first_s, default=math.inf), max(newest_s, default=-math.inf)
 
     def faults(self) -> tuple[Fault, ...]:
         """As `ReportStream.faults`."""

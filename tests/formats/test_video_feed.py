@@ -4,60 +4,30 @@ from __future__ import annotations
 
 import math
 import tracemalloc
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from video_world import CELLS, DURATION_FS, PERIOD_S, SPOKES, START_S, arrivals, messages, sensors
 
 from coastwatch.batches import RadarVideo, Reports, Videos
 from coastwatch.formats.asterix import video_feed
-from coastwatch.formats.asterix.video import VideoMessage, encode
+from coastwatch.formats.asterix.video import encode
 from coastwatch.formats.asterix.video_feed import VIDEO, VideoDecoder, datagrams, renumbered
 from coastwatch.formats.decoding import FeedSettings, Item, OptionError, decode
-from coastwatch.scenario.sites import Radar, TrackSource, sensors_of
 
 pytestmark = pytest.mark.contract
 
-START_S = 1_782_864_000.0  # midnight
-PERIOD_S, SPOKES, CELLS = 2.4, 256, 64
-DURATION_FS = 100_000_000  # of a cell of 15 m
 STAMP_S = 0.5 / 128.0  # most by which a time of day is off
 ORIGIN = {"25/1": "north", "25/2": "south"}
-
-
-def sensors():
-    radars = (Radar(name=name, latitude_deg=54.0, longitude_deg=12.0, range_nm=6.0, rpm=25.0) for name in ("north", "south"))
-    return sensors_of(tuple(radars), (), (), (TrackSource(name="vts"),))
 
 
 def decoder(options=ORIGIN, **given) -> VideoDecoder:
     made = VIDEO.decoder(FeedSettings("feed", "video+udp://x", options, **given), sensors())
     assert isinstance(made, VideoDecoder)
     return made
-
-
-def messages(turns=2.0, parts=1, begun_s=START_S, timed=True, sic=1, seed=1, cells=CELLS, **fields) -> Iterator[VideoMessage]:
-    """Spokes of random levels, at even steps."""
-    rng = np.random.default_rng(seed)
-    for spoke in range(round(turns * SPOKES)):
-        time_s = begun_s + (spoke + 0.5) / SPOKES * PERIOD_S
-        level = rng.integers(0, 256, cells).astype(np.uint8)
-        start = spoke % SPOKES * 65_536 // SPOKES
-        for part in range(parts):
-            first, end = part * cells // parts, (part + 1) * cells // parts
-            whole = VideoMessage(
-                25, sic, spoke * parts + part, start, (start + 65_536 // SPOKES) % 65_536, first, DURATION_FS, level[first:end],
-                time_s % 86_400.0 if timed else math.nan,
-            )  # fmt: skip
-            yield whole._replace(**fields)
-
-
-def arrivals(found, begun_s=START_S, parts=1, late_s=0.05, sender=0) -> list[Item]:
-    step_s = PERIOD_S / SPOKES / parts
-    return [(begun_s + (k + 0.5) * step_s + late_s, encode(message), sender) for k, message in enumerate(found)]
 
 
 def video(made: VideoDecoder, items: list[Item], part=None) -> tuple[RadarVideo, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +12,7 @@ import httpx2 as httpx
 import numpy as np
 import pytest
 from server_world import listening, wait_for
+from video_world import arrivals, captured, messages, sensors
 
 from coastwatch import store
 from coastwatch.geodesy import to_plane
@@ -18,7 +20,7 @@ from coastwatch.operators.api.service import Service
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
-from coastwatch.server.feeds.sending import of_scenario, send
+from coastwatch.server.feeds.sending import of_file, of_scenario, send
 from coastwatch.server.live import LiveRun
 
 pytestmark = pytest.mark.whole
@@ -41,6 +43,18 @@ def sent(scenario: Scenario, port: int) -> Iterator[dict[str, int]]:
     finally:
         stop.set()
         thread.join()
+
+
+def test_a_recording_is_sent_again_as_it_is_at_any_speed(tmp_path: Path) -> None:
+    items = arrivals(messages(turns=0.5))
+    path = captured(tmp_path / "x.pcap", items)
+    with LiveInput([parsed("video+udp://127.0.0.1:0?25/1=north")], sensors(), clock="feeds") as source:
+        to = parsed(f"video+udp://127.0.0.1:{source.ports[0]}")
+        begun_s = time.monotonic()
+        assert send(of_file(path, ["video"]), [to], 4.0, threading.Event()) == {to.text: len(items)}
+        assert 0.2 < time.monotonic() - begun_s < 1.0  # 1.2 s of video
+        wait_for(lambda: source.feeds()[0]["received"] == len(items))
+        assert [data for _, data, _ in source._receiver.inboxes[0].pop_first(1000)] == [data for _, data, _ in items]
 
 
 def test_video_that_is_sent_over_a_group_is_served_as_tracks(tmp_path: Path) -> None:

@@ -238,7 +238,7 @@ def feed(parser: argparse.ArgumentParser) -> None:
     """
     text = "name of a scenario, folder, .toml file, a file of AIS sentences, or a capture (PCAP)"
     completed_by(parser.add_argument("source", metavar="SCENARIO|FILE", help=text))
-    text = "where to, as option --feed of serve: ais+tcp (connect), ais+listen, ais+udp, ais+file, asterix+udp, video+udp, json+tcp; repeatable"
+    text = "where to, as --feed of serve: ais+tcp (connect), ais+listen, ais+udp, ais+file, asterix+udp, video+udp, json+tcp; repeatable"
     parser.add_argument("--to", metavar="URL", action="append", required=True, help=text)
     add_set(parser, "override a setting of the scenario; repeatable")
     parser.add_argument(

@@ -1,0 +1,1 @@
+"""Recorded radar video."""

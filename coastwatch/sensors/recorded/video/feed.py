@@ -1,0 +1,93 @@
+"""The feed of recorded radar video: captures and files of CAT 240, and pictures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors, Videos
+from coastwatch.errors import InputError
+from coastwatch.formats.intake.faults import Tally
+from coastwatch.sensors.files import WireFile, WireStream, wire_file
+from coastwatch.sensors.recorded.merging import span_of
+from coastwatch.sensors.recorded.video.pictures import Pictures, PictureStream
+from coastwatch.stage import Method, NotNegative, Plan
+
+FORMAT = "video"
+
+
+class VideoFiles(Method):
+    """Recorded radar video. Settings: coastwatch/sensors/recorded/video/README.md."""
+
+    method: Literal["video_files"] = "video_files"
+    files: tuple[
+        str, ...
+    ] = ()  # captures (PCAP, PCAPNG) and files of CAT 240: a path, or "video+file:PATH?25/1=north&port=8600"
+    pictures: tuple[Pictures, ...] = ()  # pictures of a radar's screen
+    lateness_s: NotNegative = 2.0  # a spoke of a file may be this much older than the newest before it
+
+    @model_validator(mode="after")
+    def _has_files(self) -> Self:
+        if not (self.files or self.pictures):
+            raise InputError("files, pictures: got none, needed at least one")
+        self._wire_files()
+        return self
+
+    def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
+        """The video of all files as a stream. Raises: OSError, InputError that names the file."""
+        return Recording(self._stream(sensors))
+
+    def span(self, sensors: Sensors) -> tuple[float, float]:
+        """The whole seconds around the spokes. It reads the files once. Raises: OSError, InputError."""
+        return self._stream(sensors).span()
+
+    def _stream(self, sensors: Sensors) -> VideoFileStream:
+        if not len(sensors.radars):
+            raise InputError("radars: got none, needed one where input.method is video_files")
+        tally = Tally()
+        pictures = [PictureStream(one, sensors.radars, tally) for one in self.pictures]
+        return VideoFileStream(WireStream(self._wire_files(), sensors, self.lateness_s), pictures, tally)
+
+    def _wire_files(self) -> list[WireFile]:
+        """Raises: InputError: an address of another format."""
+        files = [wire_file(text if "+file:" in text else f"{FORMAT}+file:{text}") for text in self.files]
+        for file in files:
+            if file.format != FORMAT:
+                raise InputError(
+                    f"files: got {file.text!r}, needed video+file:PATH; input.method = 'tables' reads other formats"
+                )
+        return files
+
+
+class VideoFileStream:
+    """The video of files and pictures, by time. It is read once, forwards."""
+
+    def __init__(self, files: WireStream, pictures: list[PictureStream], tally: Tally) -> None:
+        """Args: tally: of the pictures."""
+        self._files, self._pictures, self._tally = files, pictures, tally
+
+    def between(self, after_s: float, until_s: float) -> Reports:
+        """As `ReportStream.between`."""
+        turns = Videos(tuple(turn for one in self._pictures for turn in one.between(after_s, until_s)))
+        return Reports.merged([self._files.between(after_s, until_s), replace(Reports.empty(), video=turns)])
+
+    def rest(self, after_s: float) -> int:
+        """As `ReportStream.rest`."""
+        return self._files.rest(after_s) + sum(one.after(after_s) for one in self._pictures)
+
+    def span(self) -> tuple[float, float]:
+        """Of all spokes. It reads the files to their ends. Raises: InputError: there is no spoke."""
+        spans = [self._files.span(), *(one.span_s for one in self._pictures)]
+        found = [np.array(span) for span in spans if span[0] <= span[1]]
+        return span_of(*found, faults=self.faults())
+
+    def faults(self) -> tuple[Fault, ...]:
+        """As `ReportStream.faults`."""
+        return (*self._files.faults(), *self._tally.faults())
+
+    def contents(self) -> tuple[FileContent, ...]:
+        """As `ReportStream.contents`."""
+        return (*self._files.contents(), *(one.content() for one in self._pictures))
