@@ -246,6 +246,14 @@ def feed(parser: argparse.ArgumentParser) -> None:
     )
 
 
+@_command("video", "video:video", "say what radar video comes")
+def video(parser: argparse.ArgumentParser) -> None:
+    """Say what radar video comes from a file or a feed, and what was lost. Then print the settings to begin with."""
+    text = "capture (PCAP) or file of ASTERIX CAT 240, video+file:FILE?port=8600, or video+udp://HOST:PORT"
+    completed_by(parser.add_argument("source", metavar="FILE|URL", help=text))
+    parser.add_argument("--seconds", metavar="S", type=float, default=10.0, help="of video to look at (default: 10)")
+
+
 @_command("token add", "serving:add_token", "make a token")
 def token_add(parser: argparse.ArgumentParser) -> None:
     """Make a token of a person or program and print it. The file keeps its hash. A viewer may read; an operator may also
