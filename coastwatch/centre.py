@@ -40,6 +40,7 @@ from coastwatch.batches import (
     BearingTracks,
     Bools,
     EventChanges,
+    Extractions,
     FusedTracks,
     Measurements,
     Members,
@@ -120,6 +121,7 @@ class Cycle:
     events: EventChanges = field(default_factory=EventChanges.empty)  # flags and alarms that begin or end
     unsound: int = 0  # vessels that were left out of the picture, because their state is none
     left_out: dict[str, int] = field(default_factory=dict)  # by stage: pairs, or bearings, that a crowd has too many of
+    extractions: Extractions = field(default_factory=Extractions.empty)  # of the video of this cycle
 
     def to_write(self) -> Cycle:
         """The cycle without arrays that the store does not read, so that their memory is free while the store writes."""

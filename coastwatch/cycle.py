@@ -17,6 +17,7 @@ from coastwatch.batches import (
     AisDetection,
     BearingTracks,
     ExpectedVessels,
+    Extractions,
     Fault,
     Measurements,
     Plots,
@@ -197,6 +198,7 @@ def run_cycle(
         radar_cover=radar_cover,
         standing_echoes=StandingEchoes.join([region.standing_echoes for region in regional]),
         left_out=left_out,
+        extractions=Extractions.join([region.extractions for region in regional]),
     )
     after = Memory(
         regions=regional_memory,

@@ -7,12 +7,13 @@ or on another machine (`coastwatch.workers`). What goes there and back are `Regi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from coastwatch.batches import (
+    Extractions,
     Ints,
     Measurements,
     Messages,
@@ -62,6 +63,7 @@ class RegionCycle:
     measurements: Measurements  # the plots and messages of this cycle in these tracks
     standing_echoes: StandingEchoes
     plots: Plots  # for registration and cover
+    extractions: Extractions = field(default_factory=Extractions.empty)
 
 
 def start_region(scenario: Scenario) -> RegionMemory:
@@ -79,7 +81,9 @@ def run_regional_centre(
 ) -> tuple[RegionMemory, RegionCycle]:
     """One cycle of a regional centre. Tracks that hold plots of a radar whose corrections have jumped are dropped."""
     sensors, radars = given.sensors, given.radars
-    extraction_memory, extracted = extractor.step(memory.extraction, ExtractionInput(given.video, sensors))
+    seen = ExtractionInput(given.video, sensors)
+    extraction_memory, extracted = extractor.step(memory.extraction, seen)
+    summary = extractor.summary(extraction_memory, seen, extracted)
     reports = RadarReports.join([given.reports, extracted]) if len(extracted) else given.reports
     plots_memory, plots = converter.step(memory.plots, reports, sensors, given.corrections)
     jumped = given.corrections.jumped
@@ -93,6 +97,7 @@ def run_regional_centre(
         replace(measurements, sensor=radars[measurements.sensor]),
         replace(standing, radar=radars[standing.radar]),
         replace(plots, sensor=radars[plots.sensor]),
+        replace(summary, radar=radars[summary.radar]),
     )
 
 

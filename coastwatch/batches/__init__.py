@@ -42,7 +42,7 @@ from coastwatch.batches.sensors import (
     TrackSources,
 )
 from coastwatch.batches.struct import Batch, Struct, column
-from coastwatch.batches.video import RadarVideo, Videos
+from coastwatch.batches.video import Extractions, RadarVideo, Videos
 from coastwatch.batches.yields import (
     COVER_AZIMUTHS,
     COVER_RANGES,
@@ -101,6 +101,7 @@ __all__ = [
     "EventChanges",
     "EventSpans",
     "ExpectedVessels",
+    "Extractions",
     "Fault",
     "FileContent",
     "Flag",

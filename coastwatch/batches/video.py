@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from coastwatch.batches.struct import Struct, column
+from coastwatch.batches.struct import Batch, Struct, column
 from coastwatch.kernels.arrays import Array, Floats, Ints
 
 
@@ -68,3 +68,14 @@ class Videos:
         """The parts of all in order of their first spokes."""
         parts = [part for videos in several for part in videos.parts if len(part)]
         return Videos(tuple(sorted(parts, key=lambda part: float(part.received_s[0]))))
+
+
+@dataclass(frozen=True, eq=False)
+class Extractions(Batch):
+    """What extraction made of the video of a cycle: one row a radar that sent some."""
+
+    radar: Ints = column(np.int64, "E")
+    plots: Ints = column(np.int64, "E")
+    threshold_db: Floats = column(
+        np.float64, "E"
+    )  # over the background, the median of its range; NaN: not in decibels, or not known

@@ -25,6 +25,36 @@ KEEPALIVE = {"TCP_KEEPIDLE": 15, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3, "TCP_USER
 """Seconds of silence, seconds between probes, and probes; milliseconds for which sent bytes may wait for an acknowledgement."""
 
 
+class RadarState(TypedDict):
+    """The state of a radar that sends video, as the API answers it. None: not known."""
+
+    name: str
+    sac: int
+    sic: int
+    text: str  # the newest summary that it sent
+    silent_s: float
+    turn_s: float | None  # of the newest whole turn
+    spokes_a_turn: int | None
+    cells: int
+    cell_m: float | None
+    range_m: float | None
+    bits: int
+    compressed: bool
+    parts: int  # messages of a whole spoke
+    time_of_day: bool  # whether it is sent, and goes on
+    spokes: int
+    spokes_lost: int
+    parts_lost: int
+    out_of_order: int  # messages
+    second_sender: int  # messages
+    lost_share: float  # of the spokes of the last minute, with those of which a part is missing
+    plots_a_turn: float | None  # this and the following: of a live run
+    threshold_db: float | None
+    detection_probability: float | None  # learnt
+    false_plots_a_turn: float | None  # learnt
+    troubles: list[str]
+
+
 class FeedCounts(TypedDict, total=False):
     """What some kinds of feed count."""
 
@@ -37,6 +67,7 @@ class FeedCounts(TypedDict, total=False):
     newest_s: float | None  # time of the newest record
     faults: dict[str, int]
     troubles: list[str]
+    radars: list[RadarState]  # that send video
 
 
 class FeedState(FeedCounts):

@@ -29,6 +29,7 @@ from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import Computed, run_scenario
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.troubles import Trouble, of_feeds
+from coastwatch.server.video_health import PlotsOfVideo
 from coastwatch.store import CycleRecord, ForCentres, NoSuchRunError, Written
 
 LOG = logging.getLogger("coastwatch.serve")
@@ -119,6 +120,7 @@ class LiveRun:
         self._status: str | None = "starting"
         self._refused_zones: tuple[tuple[str, str], ...] = ()  # name, and why it is not watched
         self._sensors: Sensors | None = None
+        self._plots = PlotsOfVideo()
         self._writer: LiveWriter | None = None
         self._takes_no_changes = False  # the thread of the run ends
         self._next_writer = threading.Lock()  # while one takes over from the one before
@@ -154,7 +156,7 @@ class LiveRun:
 
     def feeds(self) -> Sequence[FeedState]:
         """The feeds with their counters."""
-        return self.source.feeds()
+        return self._plots.added_to(self.source.feeds())
 
     def cycle_s(self) -> float | None:
         """How long the stages of the last cycle took together."""
@@ -275,6 +277,7 @@ class LiveRun:
         if len(self._statics) > MOST_STATICS:
             self._statics = without_absent(self._statics, cycle.picture.mmsi)
         self.alarms.apply(cycle.events)
+        self._plots.note(cycle, self._sensors)
         self._left_out |= {stage: (count, clock.now_s()) for stage, count in cycle.left_out.items()}
         self.seconds, self._status = done.seconds, None
         self._on_picture(of_cycle(done.run_id, done.number, cycle, self._sensors, self._statics))

@@ -14,8 +14,8 @@ SILENT_S = 60.0
 class Trouble(NamedTuple):
     """Something that an operator should know."""
 
-    kind: str  # store, log, behind, restart, alarms, feed, clock, crowd, tokens, picture, zone
-    name: str  # of the feed, file, stage, zone or run; empty: there is one of its kind
+    kind: str  # store, log, behind, restart, alarms, feed, video, clock, crowd, tokens, picture, zone
+    name: str  # of the feed, radar, file, stage, zone or run; empty: there is one of its kind
     since_s: float | None  # Unix time; None: not known
     text: str
     is_serious: bool  # the picture is not of now, or nothing comes into it
@@ -33,5 +33,7 @@ def of_feeds(feeds: Sequence[FeedState], now_s: float) -> list[Trouble]:
         text = f"nothing has come for {silent_s:.0f} s" + (f": {error}" if error else "")
         troubles.append(Trouble("feed", feed["name"], now_s - silent_s, text, False))
     for feed in feeds:
+        for radar in feed.get("radars", ()):
+            troubles += [Trouble("video", radar["name"], None, text, False) for text in radar["troubles"]]
         troubles += [Trouble("feed", feed["name"], None, text, False) for text in feed.get("troubles", ())]
     return troubles

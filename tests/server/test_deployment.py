@@ -18,7 +18,10 @@ from pathlib import Path
 import httpx2 as httpx
 import pytest
 import yaml
+from feed_world import put_datagrams
 from run_world import SEED, Start, column, rows, stored, url
+from server_world import wait_for
+from video_world import arrivals, messages
 
 from coastwatch.operators.api.metrics import OF_RUN, Metrics
 from coastwatch.operators.cli import make_parser
@@ -60,8 +63,12 @@ def used(text: str) -> set[str]:
 def metrics() -> tuple[str, set[str]]:
     """What `/metrics` of a server with a feed answers, and the names of all its series."""
     found = Metrics()
-    with LiveInput([parsed("ais+udp://127.0.0.1:0")], load_scenario("guanabara").sensors()) as live:
+    addresses = [parsed(f"{name}+udp://127.0.0.1:0") for name in ("ais", "video")]
+    with LiveInput(addresses, load_scenario("guanabara").sensors()) as live:
         counts = dict.fromkeys(OF_RUN, 1.0)
+        put_datagrams(live.ports[1], [data for _, data, _ in arrivals(messages(turns=0.1), time.time())])
+        wait_for(lambda: live.feeds()[1]["received"] > 0)
+        live.between(0.0, 1.0)
         found.ask(lambda: (True, counts, live.feeds(), [Trouble("store", "", None, "away", False)]))
         found.webhooks.labels("a hook", "failed")
         text = found.text().decode()
@@ -80,7 +87,7 @@ def test_every_metric_that_a_rule_or_panel_names_is_one_of_the_server() -> None:
     ours = {name for name in known if name.startswith("coastwatch_") and not name.endswith(("_sum", "_count"))}
     assert ours - asked <= {"coastwatch_picture_time_seconds", "coastwatch_cycles_total"}
     counts = {word for expr in rules + panels for said in re.findall(r'count=~?"([^"]+)"', expr) for word in said.split("|")}
-    assert counts == {"records", "refused", "late", "dropped", "failed"}
+    assert counts == {"records", "refused", "late", "dropped", "failed", "spokes", "spokes_lost", "parts_lost"}
     assert all(f'count="{word}"' in text for word in counts)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import threading
 import time
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from video_world import arrivals, captured, messages, sensors
 from coastwatch import store
 from coastwatch.geodesy import to_plane
 from coastwatch.operators.api.service import Service
+from coastwatch.operators.cli import main
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
@@ -57,7 +59,7 @@ def test_a_recording_is_sent_again_as_it_is_at_any_speed(tmp_path: Path) -> None
         assert [data for _, data, _ in source._receiver.inboxes[0].pop_first(1000)] == [data for _, data, _ in items]
 
 
-def test_video_that_is_sent_over_a_group_is_served_as_tracks(tmp_path: Path) -> None:
+def test_video_that_is_sent_over_a_group_is_served_as_tracks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     url, scenario = f"sqlite:///{tmp_path / 'live.db'}", load_scenario("heymann-table-1", SMALL)
     address = parsed(f"video+udp://{GROUP}:0?interface=127.0.0.1&25/1=radar&date=2016-06-01")
     with (
@@ -70,7 +72,10 @@ def test_video_that_is_sent_over_a_group_is_served_as_tracks(tmp_path: Path) -> 
         with listening(service, web=tmp_path) as where, sent(scenario, source.ports[0]), run:
             wait_for(lambda: service.hub.picture is not None and len(service.picture()) >= 2, 300.0)
             picture = service.picture()
+            wait_for(lambda: run.cycles >= 6, 60.0)
             (feed,) = httpx.get(f"http://{where}/api/v1/feeds").json()["feeds"]
+            said = httpx.get(f"http://{where}/metrics").text
+            assert main(["sensors", "--video", f"http://{where}", "--format", "csv"]) == 0
     assert not run.failed
     truth = scenario.input.load(scenario.sensors(), 1, scenario.plan()).truth
     assert truth is not None
@@ -79,3 +84,13 @@ def test_video_that_is_sent_over_a_group_is_served_as_tracks(tmp_path: Path) -> 
     assert max(off_m) < 60.0
     assert (feed["late"], feed["refused"], feed["dropped"]) == (0, 0, 0)
     assert feed["records"] >= 4 * 512
+    (table,) = csv.DictReader(capsys.readouterr().out.splitlines())
+    assert (table["radar"], table["spokes_a_turn"], table["spokes_lost"]) == ("radar", "512", "0")
+    (radar,) = feed["radars"]
+    assert (radar["name"], radar["spokes_a_turn"], radar["spokes_lost"], radar["parts_lost"]) == ("radar", 512, 0, 0)
+    assert radar["turn_s"] == pytest.approx(2.4, abs=0.01)
+    assert (radar["cells"], radar["bits"], radar["range_m"]) == (256, 8, pytest.approx(5556.0, abs=2.0))
+    assert 1.0 <= radar["plots_a_turn"] < 60.0
+    assert 8.0 < radar["threshold_db"] < 40.0
+    assert 'coastwatch_radar_state{radar="radar",value="spokes_a_turn"} 512.0' in said
+    assert 'coastwatch_radar_total{count="spokes_lost",radar="radar"} 0.0' in said

@@ -38,6 +38,8 @@ OF_RUN = {
     "log_bytes": "Size of the write-ahead log of an SQLite database",
 }
 GAUGES = ("late_s", "store_waiting", "log_bytes")
+OF_RADAR = ("spokes", "spokes_lost", "parts_lost")
+RADAR_STATE = ("turn_s", "spokes_a_turn", "plots_a_turn", "threshold_db", "detection_probability", "false_plots_a_turn")
 OF_FEED = ("bytes", "records", "refused", "late", "dropped", "connections")
 
 disable_created_metrics()  # type: ignore[no-untyped-call]  # a time for each counter that nobody asks for
@@ -127,9 +129,22 @@ class _Asked:
         of_feeds = CounterMetricFamily("coastwatch_feed", "Counts of a feed", labels=["feed", "count"])
         connected = GaugeMetricFamily("coastwatch_feed_connected", "1: a feed has a connection, or needs none", labels=["feed"])
         silent = GaugeMetricFamily("coastwatch_feed_silent_seconds", "For how long nothing has come of a feed", labels=["feed"])
+        of_radars = CounterMetricFamily("coastwatch_radar", "Counts of the video of a radar", labels=["radar", "count"])
+        states = GaugeMetricFamily("coastwatch_radar_state", "What is known of the video of a radar", labels=["radar", "value"])
+        stopped = GaugeMetricFamily(
+            "coastwatch_radar_silent_seconds", "For how long no video of a radar has come", labels=["radar"]
+        )
         for feed in feeds:
+            for radar in feed.get("radars", ()):
+                of = str(radar["name"])
+                for name in OF_RADAR:
+                    of_radars.add_metric([of, name], float(radar[name]))
+                for name in RADAR_STATE:
+                    if radar[name] is not None:
+                        states.add_metric([of, name], float(radar[name]))
+                stopped.add_metric([of], float(radar["silent_s"]))
             for name in OF_FEED:
                 of_feeds.add_metric([str(feed["name"]), name], float(feed[name]))
             connected.add_metric([str(feed["name"])], float(feed["connected"]))
             silent.add_metric([str(feed["name"])], float(feed["silent_s"]))
-        yield from (of_feeds, connected, silent)
+        yield from (of_feeds, connected, silent, of_radars, states, stopped)

@@ -249,8 +249,8 @@ def feed(parser: argparse.ArgumentParser) -> None:
 @_command("video", "video:video", "say what radar video comes")
 def video(parser: argparse.ArgumentParser) -> None:
     """Say what radar video comes from a file or a feed, and what was lost. Then print the settings to begin with."""
-    text = "capture (PCAP) or file of ASTERIX CAT 240, video+file:FILE?port=8600, or video+udp://HOST:PORT"
-    completed_by(parser.add_argument("source", metavar="FILE|URL", help=text))
+    source = parser.add_argument("source", metavar="FILE|URL", help="capture, file of CAT 240, or video+udp://HOST:PORT")
+    completed_by(source)
     parser.add_argument("--seconds", metavar="S", type=float, default=10.0, help="of video to look at (default: 10)")
 
 
@@ -387,6 +387,8 @@ def sensors(parser: argparse.ArgumentParser) -> None:
         "each gives in a turn (`tracks.clutter.learnt`)"
     )
     grids.add_argument("--standing", action="store_true", help=text)
+    text = "the health of radars that send video to the server at this address instead; its token is in COASTWATCH_TOKEN"
+    grids.add_argument("--video", metavar="URL", help=text)
     add_rows(parser, ("table", "csv", "json"))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import RadarReports, RadarVideo
+from coastwatch.batches import Extractions, RadarReports, RadarVideo
 from coastwatch.plots.video.masks import Masks
 from coastwatch.plots.video.spokes import (
     BLOCK_CELLS,
@@ -18,6 +18,7 @@ from coastwatch.plots.video.spokes import (
     ExtractionMemory,
     VideoRadar,
     extracted,
+    extractions,
 )
 from coastwatch.stage import Count, Method
 
@@ -39,6 +40,10 @@ class AbsoluteExtraction(Method):
     def step(self, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, RadarReports]:
         """The plots of the echoes that the video of this cycle completes."""
         return extracted(memory, given, self._detection)
+
+    def summary(self, memory: ExtractionMemory, given: ExtractionInput, plots: RadarReports) -> Extractions:
+        """As of `extractions`. The threshold is a level, and no decibels."""
+        return extractions(memory, given, plots, lambda *_: float("nan"))
 
     def _detection(self, radar: VideoRadar, video: RadarVideo) -> Detection:
         background = kernels.video.background

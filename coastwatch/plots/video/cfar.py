@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import RadarReports, RadarVideo
+from coastwatch.batches import Extractions, RadarReports, RadarVideo
 from coastwatch.plots.video.masks import Masks
 from coastwatch.plots.video.spokes import (
     BLOCK_CELLS,
@@ -15,8 +15,10 @@ from coastwatch.plots.video.spokes import (
     Detection,
     ExtractionInput,
     ExtractionMemory,
+    SpokeMemory,
     VideoRadar,
     extracted,
+    extractions,
     pulse_cells,
 )
 from coastwatch.stage import Count, Method, NotNegative, Positive
@@ -50,6 +52,18 @@ class CfarExtraction(Method):
     def step(self, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, RadarReports]:
         """The plots of the echoes that the video of this cycle completes."""
         return extracted(memory, given, self._detection)
+
+    def summary(self, memory: ExtractionMemory, given: ExtractionInput, plots: RadarReports) -> Extractions:
+        """As of `extractions`."""
+        return extractions(memory, given, plots, self._threshold_db)
+
+    def _threshold_db(self, spokes: SpokeMemory, radar: VideoRadar) -> float:
+        """The median of what is detected over the background."""
+        square = spokes.square[np.isfinite(spokes.square)]
+        if not len(square):
+            return float("nan")
+        deviation_db = radar.db_per_level * float(np.sqrt(np.maximum(np.median(square), 0.0)))
+        return max(self.threshold_db, self.threshold_sigmas * deviation_db)
 
     def _detection(self, radar: VideoRadar, video: RadarVideo) -> Detection:
         background = kernels.video.background

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Floats, Ints, RadarReports, RadarVideo, Sensors, Struct, Videos, column
+from coastwatch.batches import Array, Extractions, Floats, Ints, RadarReports, RadarVideo, Sensors, Struct, Videos, column
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.plots.video.masks import Masks, Scale, mask_of
@@ -142,6 +142,21 @@ def extracted(
         radars[video.sensor] = spokes
     together = RadarReports.join(plots)
     return ExtractionMemory(radars), together.take(np.argsort(together.received_s, kind="stable"))
+
+
+def extractions(
+    memory: ExtractionMemory,
+    given: ExtractionInput,
+    plots: RadarReports,
+    threshold_db: Callable[[SpokeMemory, VideoRadar], float],
+) -> Extractions:
+    """What was made of the video of a cycle. Args: memory, plots: after the step; threshold_db: of a radar, NaN: not known."""
+    radar = sorted({video.sensor for video in given.video.parts})
+    return Extractions(
+        radar=np.array(radar, np.int64),
+        plots=np.array([(plots.sensor == number).sum() for number in radar], np.int64),
+        threshold_db=np.array([threshold_db(memory.radars[k], VideoRadar.of(given.sensors, k)) for k in radar], np.float64),
+    )
 
 
 def _scale(of: SpokeMemory | RadarVideo) -> tuple[float, ...]:

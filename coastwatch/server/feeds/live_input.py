@@ -29,6 +29,7 @@ from coastwatch.server.input import Positions
 from coastwatch.server.link import FeedState
 from coastwatch.server.regions.client import RegionAddress
 from coastwatch.server.regions.intake import RegionIntake, resumed
+from coastwatch.server.video_health import VideoHealth
 from coastwatch.stage import Plan
 from coastwatch.store import Intake
 
@@ -69,6 +70,7 @@ class _Feed:
         self.items: list[Item] = []  # received and not yet decoded
         # Of the last minute: when, records used, thrown away, and datagrams or lines dropped.
         self._looks: deque[tuple[float, int, int, int]] = deque()
+        self._video = VideoHealth(decoder.counts.radars)
 
     @property
     def silent_s(self) -> float:
@@ -86,6 +88,7 @@ class _Feed:
         self._looks.append((at_s, counts.records, counts.late + counts.before_run, self.inbox.dropped + counts.dropped))
         while self._looks[0][0] < at_s - THROWN_WITHIN_S:
             self._looks.popleft()
+        self._video.look(at_s)
 
     def troubles(self) -> list[str]:
         """What is wrong with what it sends."""
@@ -119,6 +122,7 @@ class _Feed:
             newest_s=newest_s if math.isfinite(newest_s) else None,
             faults={fault.kind: fault.count for fault in faults},
             troubles=self.troubles(),
+            radars=self._video.states(now_s()),
         )
 
 

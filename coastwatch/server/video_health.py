@@ -1,0 +1,152 @@
+"""The health of radars that send video: turns, spokes, losses and plots, for operators."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from coastwatch.batches import COVER_RANGES, Floats, RadarCover, Sensors
+from coastwatch.centre import Cycle
+from coastwatch.formats.video_state import VideoState
+from coastwatch.server.link import FeedState, RadarState
+
+WITHIN_S = 60.0  # losses, and plots, of so long count
+STOPPED_TURNS, STOPPED_S = 3.0, 10.0  # without a message, the larger one: the video has stopped
+LOST_SHARE, LEAST_LOST = 0.01, 20  # of the spokes of a minute, and so many, are a trouble
+SECOND_SHOWN_S = 60.0  # for how long after it a second sender is shown
+
+
+class VideoHealth:
+    """Of the radars of one feed."""
+
+    def __init__(self, radars: Mapping[str, VideoState]) -> None:
+        """Args: radars: by name, kept up to date by the decoder."""
+        self._radars = radars
+        # By radar, of the last minute: when, spokes, and those lost with those of which a part did not come.
+        self._looks: dict[str, deque[tuple[float, int, int]]] = {}
+
+    def look(self, at_s: float) -> None:
+        """Note the counts. Args: at_s: now."""
+        for name, state in list(self._radars.items()):
+            looks = self._looks.setdefault(name, deque())
+            if looks and state.spokes < looks[-1][1]:
+                looks.clear()  # it is heard under another SAC and SIC
+            looks.append((at_s, state.spokes, state.spokes_lost + state.parts_lost))
+            while looks[0][0] < at_s - WITHIN_S:
+                looks.popleft()
+
+    def states(self, now_s: float) -> list[RadarState]:
+        """The radars as the API answers them."""
+        return [self._state(state, now_s) for _, state in sorted(self._radars.copy().items())]
+
+    def _state(self, s: VideoState, now_s: float) -> RadarState:
+        looks = self._looks.get(s.name)
+        spokes, lost = (looks[-1][k] - looks[0][k] for k in (1, 2)) if looks else (0, 0)
+        silent_s = max(now_s - s.heard_s, 0.0)
+        return {
+            "name": s.name,
+            "sac": s.sac,
+            "sic": s.sic,
+            "text": s.text,
+            "silent_s": round(silent_s, 1),
+            "turn_s": _known(s.period_s, 4),
+            "spokes_a_turn": s.spokes_a_turn if s.turns else None,
+            "cells": s.cells,
+            "cell_m": _known(s.cell_m, 3),
+            "range_m": _known(s.range_m, 1),
+            "bits": s.bits,
+            "compressed": s.compressed,
+            "parts": s.parts,
+            "time_of_day": s.has_time_of_day and not s.clock_stands,
+            "spokes": s.spokes,
+            "spokes_lost": s.spokes_lost,
+            "parts_lost": s.parts_lost,
+            "out_of_order": s.out_of_order,
+            "second_sender": s.second_messages,
+            "lost_share": round(lost / max(spokes + lost, 1), 5),
+            "plots_a_turn": None,
+            "threshold_db": None,
+            "detection_probability": None,
+            "false_plots_a_turn": None,
+            "troubles": list(_troubles(s, silent_s, (spokes, lost), now_s)),
+        }
+
+
+def _troubles(s: VideoState, silent_s: float, counts: tuple[int, int], now_s: float) -> list[str]:
+    """What is wrong with the video of a radar. Args: counts: spokes of the last minute, and those lost."""
+    sentences, (spokes, lost) = [], counts
+    turn_s = s.period_s if math.isfinite(s.period_s) else 0.0
+    if silent_s > max(STOPPED_S, STOPPED_TURNS * turn_s):
+        sentences.append(f"its video has stopped: nothing has come for {silent_s:.0f} s")
+    if lost >= LEAST_LOST and lost > LOST_SHARE * (spokes + lost):
+        sentences.append(f"{lost} of {spokes + lost} spokes of the last minute were lost, or a part of them")
+    if s.clock_stands:
+        sentences.append("its time of day does not go on: the time of arrival is taken")
+    if s.senders is not None and now_s - s.second_s < SECOND_SHOWN_S:
+        used, other = s.senders
+        sentences.append(f"two senders have its SAC {s.sac}, SIC {s.sic}: {used}, which is used, and {other}, which is not")
+    return sentences
+
+
+class PlotsOfVideo:
+    """What a live run makes of the video of each radar."""
+
+    def __init__(self) -> None:
+        self._cycles: dict[str, deque[tuple[float, int]]] = {}  # by radar, of the last minute: time of the cycle, and plots
+        self._turn_s: dict[str, float] = {}
+        self._threshold_db: dict[str, float] = {}
+        self._cover: tuple[RadarCover, list[str]] | None = None  # and the names of its radars
+
+    def note(self, cycle: Cycle, sensors: Sensors) -> None:
+        """Note what was made of a cycle."""
+        found, radars = cycle.extractions, sensors.radars
+        for radar, plots, threshold_db in zip(
+            found.radar.tolist(), found.plots.tolist(), found.threshold_db.tolist(), strict=True
+        ):
+            name = str(radars.name[radar])
+            self._threshold_db[name], self._turn_s[name] = threshold_db, float(radars.period_s[radar])
+            cycles = self._cycles.setdefault(name, deque())
+            cycles.append((cycle.time_s, plots))
+            while cycles[0][0] < cycle.time_s - WITHIN_S:
+                cycles.popleft()
+        if len(found) and len(cycle.radar_cover) == len(radars):
+            self._cover = cycle.radar_cover, [str(name) for name in radars.name]
+
+    def added_to(self, feeds: Sequence[FeedState]) -> Sequence[FeedState]:
+        """The feeds, with what is made of the video of their radars. It writes into them."""
+        for feed in feeds:
+            for radar in feed.get("radars", ()):
+                self._add_to(radar)
+        return feeds
+
+    def _add_to(self, radar: RadarState) -> None:
+        name = radar["name"]
+        cycles = list(self._cycles.get(name, ()))
+        if len(cycles) < 2:
+            return
+        turn_s = radar["turn_s"] or self._turn_s[name]
+        span_s = cycles[-1][0] - cycles[0][0]
+        radar["plots_a_turn"] = round(sum(plots for _, plots in cycles[1:]) * turn_s / span_s, 1) if span_s > 0.0 else None
+        radar["threshold_db"] = _known(self._threshold_db[name], 2)
+        if self._cover is not None and name in self._cover[1]:
+            detection, false = _learnt(self._cover[0], self._cover[1].index(name))
+            radar["detection_probability"], radar["false_plots_a_turn"] = _known(detection, 3), _known(false, 2)
+
+
+def _learnt(cover: RadarCover, radar: int) -> tuple[float, float]:
+    """The mean probability of detection by looks, NaN: none, and false plots a turn, of a radar."""
+    looks = cover.track_looks[radar]
+    total = float(looks.sum())
+    detection = float((cover.track_detection[radar] * looks).sum()) / total if total > 0.0 else math.nan
+    edges_m = np.linspace(0.0, 1.0, COVER_RANGES + 1) * float(cover.range_m[radar])
+    density: Floats = cover.false_plots_per_m2[radar]
+    area_m2 = np.pi * np.diff(edges_m**2) / density.shape[0]
+    return detection, float((density * area_m2).sum()) if cover.turns[radar] > 0.0 else math.nan
+
+
+def _known(value: float, digits: int) -> float | None:
+    """A number that JSON can say; none: it is not known."""
+    return round(value, digits) if math.isfinite(value) else None

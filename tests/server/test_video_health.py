@@ -1,0 +1,91 @@
+"""The health of radars that send video: what is lost, stopped or doubled is said, and what is made of it is known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from video_world import sensors
+
+from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Extractions, RadarCover
+from coastwatch.formats.video_state import VideoState
+from coastwatch.server.link import Link
+from coastwatch.server.troubles import Trouble, of_feeds
+from coastwatch.server.video_health import PlotsOfVideo, VideoHealth
+
+pytestmark = pytest.mark.contract
+
+NOW_S = 1_750_000_000.0
+
+
+def state(**fields) -> VideoState:
+    heard = {"period_s": 2.4, "turns": 3, "spokes_a_turn": 1000, "spokes": 3000, "heard_s": NOW_S, "cell_m": 10.0, "cells": 100}
+    return VideoState("north", 25, 1, **heard | fields)
+
+
+def troubles(one: VideoState, before: VideoState | None = None, now_s: float = NOW_S) -> list[str]:
+    radars = {"north": before or one}
+    health = VideoHealth(radars)
+    health.look(NOW_S - 50.0)
+    radars["north"] = one
+    health.look(NOW_S)
+    return health.states(now_s)[0]["troubles"]
+
+
+def test_healthy_video_has_no_trouble_and_what_is_not_known_is_none():
+    assert troubles(state()) == []
+    health = VideoHealth({"north": VideoState("north", 25, 1)})
+    (found,) = health.states(NOW_S)
+    assert (found["turn_s"], found["cell_m"], found["spokes_a_turn"], found["plots_a_turn"]) == (None,) * 4
+    assert found["lost_share"] == 0.0
+
+
+def test_video_that_stops_is_said_after_three_turns_and_ten_seconds():
+    assert troubles(state(), now_s=NOW_S + 9.0) == []
+    assert troubles(state(), now_s=NOW_S + 11.0) == ["its video has stopped: nothing has come for 11 s"]
+    assert troubles(state(period_s=5.0), now_s=NOW_S + 14.0) == []
+
+
+def test_lost_spokes_and_parts_of_the_last_minute_are_said():
+    now = state(spokes=3000 + 900, spokes_lost=5 + 60, parts_lost=10)
+    assert troubles(now, state(spokes_lost=5)) == ["70 of 970 spokes of the last minute were lost, or a part of them"]
+    assert troubles(state(spokes_lost=400)) == []  # long ago
+    assert troubles(state(spokes=3900, spokes_lost=8), state()) == []  # a few
+
+
+def test_two_senders_and_a_clock_that_stands_are_said():
+    doubled = state(senders=("10.0.0.1:8600", "10.0.0.2:8600"), second_s=NOW_S - 5.0)
+    (said,) = troubles(doubled)
+    assert said == "two senders have its SAC 25, SIC 1: 10.0.0.1:8600, which is used, and 10.0.0.2:8600, which is not"
+    assert troubles(replace(doubled, second_s=NOW_S - 90.0)) == []
+    assert troubles(state(clock_stands=True)) == ["its time of day does not go on: the time of arrival is taken"]
+
+
+def test_troubles_of_radars_are_among_those_of_the_server():
+    radars = VideoHealth({"north": state(clock_stands=True)}).states(NOW_S)
+    feed = {**Link().as_feed("a feed", radars=radars), "silent_s": 0.0}
+    assert of_feeds([feed], NOW_S) == [Trouble("video", "north", None, radars[0]["troubles"][0], False)]
+
+
+def test_plots_a_turn_threshold_and_what_was_learnt_are_added():
+    shape = (2, COVER_AZIMUTHS, COVER_RANGES)
+    looks, detection, density = np.zeros(shape), np.full(shape, 0.5), np.full(shape, 1e-8)
+    looks[0, 3, 2], detection[0, 3, 2] = 10.0, 0.9
+    cover = RadarCover(
+        range_m=np.full(2, 1e4), site_deg=np.zeros((2, 2)), turns=np.array([9.0, 0.0]), ais_detection=detection, ais_looks=looks,
+        track_detection=detection, track_looks=looks, false_plots_per_m2=density,
+    )  # fmt: skip
+    plots = PlotsOfVideo()
+    for cycle in range(31):
+        found = Extractions(np.array([0]), np.array([8]), np.array([9.5]))
+        plots.note(SimpleNamespace(time_s=NOW_S + 3.0 * cycle, extractions=found, radar_cover=cover), sensors())
+    feed = Link().as_feed("x", radars=VideoHealth({"north": state(), "south": replace(state(), name="south")}).states(NOW_S))
+    (north, south) = plots.added_to([feed])[0]["radars"]
+    assert north["plots_a_turn"] == pytest.approx(8 / 3.0 * 2.4, abs=0.05)
+    assert north["threshold_db"] == 9.5
+    assert north["detection_probability"] == 0.9
+    assert north["false_plots_a_turn"] == pytest.approx(math.pi * 1e8 * 1e-8, abs=0.01)
+    assert south["plots_a_turn"] is None
