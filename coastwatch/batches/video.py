@@ -23,11 +23,11 @@ class RadarVideo(Struct):
     azimuth_rad: Floats = column(np.float64, "S")  # true, of the middle of the spoke, 0 to 2 pi
     site_deg: Floats = column(np.float64, "S", 2)  # where the antenna was
     level: Array = column(np.uint8, "S", "C")  # see `Radars.db_per_level`
+    # Range of each true vessel where the spoke points near it, NaN elsewhere; no vessel where the video is not simulated.
+    vessel_m: Floats = field(default_factory=lambda: np.zeros((0, 0)), metadata=column(np.float64, "S", "V").metadata)
     bits: int = 8  # of a cell as the radar sends it: levels of 1, 2 and 4 bits are as they are
     # First cell and end of what did not come of each spoke: its level is 0, and nothing is looked for there.
     missing: Ints = field(default_factory=lambda: np.zeros((0, 2), np.int64), metadata=column(np.int64, "S", 2).metadata)
-    # Range of each true vessel where the spoke points near it, NaN elsewhere; no vessel where the video is not simulated.
-    vessel_m: Floats = field(default_factory=lambda: np.zeros((0, 0)), metadata=column(np.float64, "S", "V").metadata)
 
     def __post_init__(self) -> None:
         if not len(self.vessel_m):

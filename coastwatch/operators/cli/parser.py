@@ -249,8 +249,7 @@ def feed(parser: argparse.ArgumentParser) -> None:
 @_command("video", "video:video", "say what radar video comes")
 def video(parser: argparse.ArgumentParser) -> None:
     """Say what radar video comes from a file or a feed, and what was lost. Then print the settings to begin with."""
-    source = parser.add_argument("source", metavar="FILE|URL", help="capture, file of CAT 240, or video+udp://HOST:PORT")
-    completed_by(source)
+    completed_by(parser.add_argument("source", metavar="FILE|URL", help="capture, file of CAT 240, or video+udp://..."))
     parser.add_argument("--seconds", metavar="S", type=float, default=10.0, help="of video to look at (default: 10)")
 
 
@@ -387,8 +386,7 @@ def sensors(parser: argparse.ArgumentParser) -> None:
         "each gives in a turn (`tracks.clutter.learnt`)"
     )
     grids.add_argument("--standing", action="store_true", help=text)
-    text = "the health of radars that send video to the server at this address instead; its token is in COASTWATCH_TOKEN"
-    grids.add_argument("--video", metavar="URL", help=text)
+    grids.add_argument("--video", metavar="URL", help="radars that send video to this server; token: COASTWATCH_TOKEN")
     add_rows(parser, ("table", "csv", "json"))
 
 
