@@ -14,6 +14,7 @@ import argparse
 import json
 import math
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -177,19 +178,14 @@ def _noise(rng: np.random.Generator) -> Array:
 
 def send_radar(sic: int, port: int, spokes: int, cells: int, begin_s: float, until_s: float) -> None:
     """Send the video of a radar at its pace: what a process does."""
-    from contextlib import ExitStack
-
-    from coastwatch.server.feeds.address import parsed
-    from coastwatch.server.feeds.sending import _opened
-
     datagrams = turn(spokes, cells, sic, sic)
-    step_s, number = PERIOD_S / spokes, 0
-    with ExitStack() as stack:
-        sender = _opened(parsed(f"video+udp://{GROUP.format(sic)}:{port}?interface={INTERFACE}"), stack)
+    step_s, number, to = PERIOD_S / spokes, 0, (GROUP.format(sic), port)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(INTERFACE))
         while (at_s := begin_s + number * step_s) < until_s:
             time.sleep(max(at_s - time.time(), 0.0))
             for k in range(number, number + SPOKES_TOGETHER):
-                sender.send([_stamped(datagrams[k % spokes], k, begin_s + k * step_s)])
+                sender.sendto(_stamped(datagrams[k % spokes], k, begin_s + k * step_s), to)
             number += SPOKES_TOGETHER
 
 

@@ -50,6 +50,31 @@ def test_libasterix_reads_the_same(cells):
     assert record.get_item("020").variation.unparse().to_bytes() == (7).to_bytes(4, "big")
 
 
+@pytest.mark.oracle
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("bits", [1, 2, 4, 8, 16, 32])
+def test_libasterix_reads_every_depth_and_what_it_writes_is_read(bits, compressed):
+    from asterix import base, generated
+
+    sent, kind = message(101, bits=bits, compressed=compressed), generated.Cat_240_1_3
+    (block,) = base.RawDatablock.parse(base.Bits.from_bytes(encode(sent)))
+    (record,) = kind.cv_uap.parse(block.get_raw_records())
+    assert record.get_item("048").variation.unparse().to_bytes() == bytes(
+        [0x80 * compressed, {1: 1, 2: 2, 4: 3, 8: 4, 16: 5, 32: 6}[bits]]
+    )
+    octets, cells = (
+        int.from_bytes(record.get_item("049").variation.unparse().to_bytes()[k], "big") for k in (slice(0, 2), slice(2, 5))
+    )
+    name = next(name for name in ("050", "051", "052") if record.get_item(name) is not None)
+    raw = b"".join(part.unparse().to_bytes() for part in record.get_item(name).variation.get_list())[:octets]
+    raw = zlib.decompress(raw) if compressed else raw
+    shown = np.unpackbits(np.frombuffer(raw, np.uint8))[: cells * bits].reshape(cells, bits)[:, : min(bits, 8)]
+    assert np.array_equal(shown @ (1 << np.arange(shown.shape[1])[::-1]), sent.level)
+    (again,), faults = decode(kind.create([record]).unparse().to_bytes())
+    assert faults == []
+    same(again, sent)
+
+
 def test_expansion_fields_are_skipped_a_summary_is_text_and_other_categories_are_left():
     whole = encode(message(10))
     body = bytearray(whole[3:])
