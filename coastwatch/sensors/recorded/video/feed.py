@@ -1,4 +1,4 @@
-"""The feed of recorded radar video: captures and files of CAT 240, and pictures."""
+"""The feed of recorded radar video: captures and files of CAT 240, pictures, and HDF5."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.sensors.files import WireFile, WireStream, wire_file
 from coastwatch.sensors.recorded.merging import span_of
+from coastwatch.sensors.recorded.video.haxr import HaxrFile, HaxrStream
 from coastwatch.sensors.recorded.video.pictures import Pictures, PictureStream
 from coastwatch.stage import Method, NotNegative, Plan
 
@@ -27,12 +28,13 @@ class VideoFiles(Method):
         str, ...
     ] = ()  # captures (PCAP, PCAPNG) and files of CAT 240: a path, or "video+file:PATH?25/1=north&port=8600"
     pictures: tuple[Pictures, ...] = ()  # pictures of a radar's screen
+    haxr: tuple[HaxrFile, ...] = ()  # HDF5 files of HAXR; they need the extra `video`
     lateness_s: NotNegative = 2.0  # a spoke of a file may be this much older than the newest before it
 
     @model_validator(mode="after")
     def _has_files(self) -> Self:
-        if not (self.files or self.pictures):
-            raise InputError("files, pictures: got none, needed at least one")
+        if not (self.files or self.pictures or self.haxr):
+            raise InputError("files, pictures, haxr: got none, needed at least one")
         self._wire_files()
         return self
 
@@ -48,8 +50,9 @@ class VideoFiles(Method):
         if not len(sensors.radars):
             raise InputError("radars: got none, needed one where input.method is video_files")
         tally = Tally()
-        pictures = [PictureStream(one, sensors.radars, tally) for one in self.pictures]
-        return VideoFileStream(WireStream(self._wire_files(), sensors, self.lateness_s), pictures, tally)
+        others: list[PictureStream | HaxrStream] = [PictureStream(one, sensors.radars, tally) for one in self.pictures]
+        others += [HaxrStream(one, sensors.radars, tally) for one in self.haxr]
+        return VideoFileStream(WireStream(self._wire_files(), sensors, self.lateness_s), others, tally)
 
     def _wire_files(self) -> list[WireFile]:
         """Raises: InputError: an address of another format."""
@@ -63,24 +66,24 @@ class VideoFiles(Method):
 
 
 class VideoFileStream:
-    """The video of files and pictures, by time. It is read once, forwards."""
+    """The video of files of CAT 240 and of others, by time. It is read once, forwards."""
 
-    def __init__(self, files: WireStream, pictures: list[PictureStream], tally: Tally) -> None:
-        """Args: tally: of the pictures."""
-        self._files, self._pictures, self._tally = files, pictures, tally
+    def __init__(self, files: WireStream, others: list[PictureStream | HaxrStream], tally: Tally) -> None:
+        """Args: tally: of the others."""
+        self._files, self._others, self._tally = files, others, tally
 
     def between(self, after_s: float, until_s: float) -> Reports:
         """As `ReportStream.between`."""
-        turns = Videos(tuple(turn for one in self._pictures for turn in one.between(after_s, until_s)))
+        turns = Videos(tuple(turn for one in self._others for turn in one.between(after_s, until_s)))
         return Reports.merged([self._files.between(after_s, until_s), replace(Reports.empty(), video=turns)])
 
     def rest(self, after_s: float) -> int:
         """As `ReportStream.rest`."""
-        return self._files.rest(after_s) + sum(one.after(after_s) for one in self._pictures)
+        return self._files.rest(after_s) + sum(one.after(after_s) for one in self._others)
 
     def span(self) -> tuple[float, float]:
         """Of all spokes. It reads the files to their ends. Raises: InputError: there is no spoke."""
-        spans = [self._files.span(), *(one.span_s for one in self._pictures)]
+        spans = [self._files.span(), *(one.span_s() for one in self._others)]
         found = [np.array(span) for span in spans if span[0] <= span[1]]
         return span_of(*found, faults=self.faults())
 
@@ -90,4 +93,4 @@ class VideoFileStream:
 
     def contents(self) -> tuple[FileContent, ...]:
         """As `ReportStream.contents`."""
-        return (*self._files.contents(), *(one.content() for one in self._pictures))
+        return (*self._files.contents(), *(one.content() for one in self._others))

@@ -83,7 +83,6 @@ class PictureStream:
         self._taken: list[float] = []  # times of the first and the newest picture that was taken
         self._count = 0
 
-    @property
     def span_s(self) -> tuple[float, float]:
         """Times of the first and the last picture; inf and -inf: there is none."""
         times = self._time_s[self._rows]
