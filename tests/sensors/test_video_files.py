@@ -92,7 +92,7 @@ def picture(folder: Path, name: str, *echoes: tuple[float, float], size: int = 2
 
 
 def settings(folder: Path, **given):
-    given = {"radar": "north", "m_per_pixel": M_PER_PIXEL, "radius_pixels": CENTRE, "spokes": 512} | given
+    given = {"radar": "north", "pixel_m": M_PER_PIXEL, "radius_pixels": CENTRE, "spokes": 512} | given
     return Pictures(table=folder / "turns.csv", rectangles=((0, 0, 60, 30),), colours=((255, 255, 0),), **given)
 
 

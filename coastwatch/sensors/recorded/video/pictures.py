@@ -40,14 +40,14 @@ class Pictures(Settings):
 
     table: Path  # CSV with columns file and time, and heading where ahead is up; the pictures (PNG) lie beside it
     radar: str = ""  # name of the radar in the scenario; not needed for a single radar
-    m_per_pixel: Positive  # range of a pixel
+    pixel_m: Positive  # range of a pixel
     head_up: bool = False  # ahead is up, so that each picture needs its heading; else north is up
-    centre: tuple[float, float] | None = None  # pixel of the antenna, from left and from top; none: the middle
+    centre: tuple[float, float] | None = None  # number of pixels to the antenna, positive to right and down; none: the middle
     radius_pixels: Annotated[int, Field(ge=8, le=65_536)] = 512  # whole number of cells
-    rectangles: tuple[tuple[Pixel, Pixel, Pixel, Pixel], ...] = ()  # left, top, right, bottom of tables and symbols
-    disc_pixels: NotNegative = 0.0  # radius around the antenna that is masked
-    colours: tuple[tuple[Octet, Octet, Octet], ...] = ()  # red, green and blue of lines and marks that are masked
-    colour_tolerance: Octet = 30  # by which each part of a colour may differ
+    rectangles: tuple[tuple[Pixel, Pixel, Pixel, Pixel], ...] = ()  # whole number of pixels: left, top, right, bottom of tables
+    disc_pixels: NotNegative = 0.0  # number of pixels around the antenna that are masked
+    colours: tuple[tuple[Octet, Octet, Octet], ...] = ()  # whole number each: red, green, blue of what is masked
+    colour_tolerance: Octet = 30  # whole number by which each part of a colour may differ
     spokes: Annotated[int, Field(ge=8, le=16_384)] = 1024  # whole number in a turn
 
 
@@ -126,7 +126,7 @@ class PictureStream:
         return RadarVideo(
             sensor=self._radar,
             first_m=0.0,
-            cell_m=s.m_per_pixel,
+            cell_m=s.pixel_m,
             time_s=time_s,
             received_s=time_s,
             azimuth_rad=azimuth,
