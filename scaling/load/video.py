@@ -2,10 +2,11 @@
 
     python -m scaling.load.video decode
     python -m scaling.load.video damaged [--messages 100000]
-    python -m scaling.load.video live [--radars 4] [--minutes 3] [--spokes 4096] [--cells 2048]
+    python -m scaling.load.video live [--radars 4] [--minutes 3] [--spokes 4096] [--cells 2048] [--hostile]
 
-Live, a turn of noise with ships is made first and sent again and again, with new times and numbers, at 25 turns a minute. Exit code 1:
-a spoke was lost, a cycle came late or not at all, an exception left the decoder, or memory grew by more than a tenth.
+Live, a turn of noise with ships is made first and sent again and again, with new times and numbers, at 25 turns a minute. With
+`--hostile` somebody else sends to the feed of the first radar: its video at ten times the rate, random and cut datagrams, and bombs.
+Exit code 1: a spoke was lost, a cycle came late or not at all, an exception left the decoder, or memory grew by more than a tenth.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import zlib
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -46,6 +48,7 @@ SHIPS = 40
 TIME_OCTETS = 3  # the time of day is the last item of what `encode` makes
 MOST_GROWTH = 1.1
 SPOKES_TOGETHER = 16  # sent at a time: 10 ms of a turn
+FASTER = 10  # than a radar, somebody else
 
 
 def turn(spokes: int, cells: int, sic: int, seed: int, *, compressed: bool = False) -> list[bytes]:
@@ -189,8 +192,29 @@ def send_radar(sic: int, port: int, spokes: int, cells: int, begin_s: float, unt
             number += SPOKES_TOGETHER
 
 
-def live(radars: int, minutes: float, spokes: int, cells: int, workers: int) -> dict[str, Any]:
+def attack(port: int, spokes: int, cells: int, begin_s: float, until_s: float) -> None:
+    """Send what a feed should not get: what a process does."""
+    rng, datagrams = np.random.default_rng(9), turn(spokes, cells, 1, 99)
+    packed = zlib.compress(bytes(64 << 20), 9)[:60_000]
+    bomb = bytearray(encode(VideoMessage(25, 1, 0, 0, 16, 0, 50_000_000, np.frombuffer(packed, np.uint8), 0.0)))
+    at = bomb.index(bytes([0, 4]) + len(packed).to_bytes(2, "big"))
+    bomb[at], bomb[at + 4 : at + 7] = 0x80, (65_536).to_bytes(3, "big")
+    step_s, number, to = PERIOD_S / spokes / FASTER, 0, (GROUP.format(1), port)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(INTERFACE))
+        while (at_s := begin_s + number * step_s) < until_s:
+            time.sleep(max(at_s - time.time(), 0.0))
+            for k in range(number, number + FASTER * SPOKES_TOGETHER):
+                sender.sendto(_stamped(datagrams[k % spokes], k, begin_s + k * step_s), to)
+            number += FASTER * SPOKES_TOGETHER
+            sender.sendto(rng.bytes(int(rng.integers(1, 1400))), to)
+            sender.sendto(datagrams[0][: rng.integers(1, len(datagrams[0]))], to)
+            sender.sendto(bytes(bomb), to)
+
+
+def live(o: argparse.Namespace) -> dict[str, Any]:
     """Serve radars that send video over loopback multicast. Returns: figures after the warm-up."""
+    radars, minutes, spokes, cells, workers = o.radars, o.minutes, o.spokes, o.cells, o.workers
     page, *ports = free_ports(1 + radars)
     address, until_s = f"http://{HOST}:{page}", math.inf
     feeds = [
@@ -210,6 +234,10 @@ def live(radars: int, minutes: float, spokes: int, cells: int, workers: int) -> 
             for k, port in enumerate(ports):
                 given = (k + 1, port, spokes, cells, begin_s + 0.6 * k, until_s)
                 senders.append(get_context("spawn").Process(target=send_radar, args=given, daemon=True))
+                senders[-1].start()
+            if o.hostile:
+                given_too = (ports[0], spokes, cells, begin_s + 5.0, until_s)
+                senders.append(get_context("spawn").Process(target=attack, args=given_too, daemon=True))
                 senders[-1].start()
             time.sleep(begin_s + WARM_UP_S - time.time())
             looks = []
@@ -267,7 +295,7 @@ def _figures(looks: list[dict[str, Any]], radars: int, spokes: int) -> dict[str,
         "memory_mb": [round(looks[k]["memory_mb"]) for k in np.linspace(0, len(looks) - 1, 5).astype(int)],
         "vessels": last["vessels"],
         "radars": {
-            name: {key: one[key] for key in ("turn_s", "spokes_a_turn", "plots_a_turn", "threshold_db")}
+            name: {key: one[key] for key in ("turn_s", "spokes_a_turn", "plots_a_turn", "threshold_db", "second_sender")}
             for name, one in last["radars"].items()
         },
     }
@@ -295,6 +323,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=3.0, help="after the warm-up (default: 3)")
     parser.add_argument("--spokes", type=count, default=4096)
     parser.add_argument("--cells", type=count, default=2048)
+    parser.add_argument("--hostile", action="store_true", help="somebody else sends to the feed of the first radar")
     parser.add_argument("--workers", type=count, default=2)
     o = parser.parse_args()
     if o.what == "decode":
@@ -302,7 +331,7 @@ def main() -> int:
     elif o.what == "damaged":
         found = damaged(o.messages, o.seed)
     else:
-        found = live(o.radars, o.minutes, o.spokes, o.cells, o.workers)
+        found = live(o)
     print(json.dumps({"date": date_utc(), "machine": machine(), **found}, indent=1))
     return 0 if is_good(found) else 1
 

@@ -47,6 +47,7 @@ RETRY = Backoff(0.5, 15.0)
 FULL_WAIT_S, TAIL_WAIT_S = 0.02, 0.2
 MARK_BYTES = 256  # before the place of reading, compared to notice that a file was emptied and has grown past that place again
 FORMER_S = 5.0  # how long a file that was renamed must not have grown before it is closed
+MOST_AT_ONCE = 256  # datagrams of a feed, before the other feeds have their turn
 DATAGRAM_BUFFER = 4 << 20  # bytes that the system may hold while Python computes
 
 LOG = logging.getLogger("coastwatch.serve")
@@ -145,7 +146,7 @@ class Receiver:
 
     async def _receive(self) -> None:
         self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
-        closers: list[asyncio.AbstractServer | asyncio.BaseTransport] = []
+        closers: list[asyncio.AbstractServer | _Datagrams] = []
         tasks: list[asyncio.Task[None]] = []
         try:
             for inbox in self.inboxes:
@@ -171,24 +172,20 @@ class Receiver:
             await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _opened(inbox: Inbox) -> asyncio.AbstractServer | asyncio.BaseTransport:
+async def _opened(inbox: Inbox) -> asyncio.AbstractServer | _Datagrams:
     """A listening socket of a feed. Raises: OSError that names its address."""
-    address, loop = inbox.address, asyncio.get_running_loop()
+    address = inbox.address
     try:
         if address.transport == "listen":
             room = _Room(inbox)
             server = await asyncio.start_server(room.accepted, address.host, address.port, limit=READ_BYTES)
             inbox.port = server.sockets[0].getsockname()[1]
             return server
-        if address.is_group:
-            transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(inbox), sock=_member(address))
-        else:
-            transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(inbox), (address.host, address.port))
+        receiver = _member(address) if address.is_group else await _bound(address)
     except OSError as error:
         raise OSError(f"feed {address.text}: {reason_of(error)}") from error
     except UnicodeError as error:
         raise OSError(f"feed {address.text}: got {address.host!r}, which is no name of a machine: {error}") from error
-    receiver = transport.get_extra_info("socket")
     inbox.port, inbox.connected = receiver.getsockname()[1], 1
     inbox.buffer = _granted(receiver)
     if inbox.buffer < DATAGRAM_BUFFER:
@@ -196,7 +193,21 @@ async def _opened(inbox: Inbox) -> asyncio.AbstractServer | asyncio.BaseTranspor
             f"feed {address.name}: the system grants a receive buffer of {inbox.buffer >> 10} kB, wanted {DATAGRAM_BUFFER >> 10}: "
             f"datagrams are lost while this machine is busy; `sysctl -w net.core.rmem_max={DATAGRAM_BUFFER}` allows it"
         )
-    return transport
+    return _Datagrams(inbox, receiver)
+
+
+async def _bound(address: Address) -> socket.socket:
+    """A socket that takes datagrams sent to an address of this machine. Raises: OSError, UnicodeError."""
+    found = await asyncio.get_running_loop().getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)
+    family, kind, proto, _, where = found[0]
+    receiver = socket.socket(family, kind, proto)
+    try:
+        receiver.bind(where)
+        receiver.setblocking(False)
+    except OSError:
+        receiver.close()
+        raise
+    return receiver
 
 
 def _member(address: Address) -> socket.socket:
@@ -222,16 +233,28 @@ def _granted(receiver: socket.socket) -> int:
     return granted // 2 if sys.platform == "linux" else granted  # Linux says twice what it gives
 
 
-class _Datagrams(asyncio.DatagramProtocol):
-    """Datagrams of one feed, of lines or of ASTERIX."""
+class _Datagrams:
+    """Datagrams of one feed, of lines or of ASTERIX. Many are read at a time: of video come thousands a second."""
 
-    def __init__(self, inbox: Inbox) -> None:
-        self._inbox, self._whole = inbox, FORMATS[inbox.address.format].in_datagrams
+    def __init__(self, inbox: Inbox, receiver: socket.socket) -> None:
+        """Args: receiver: does not block."""
+        self._inbox, self._receiver, self._whole = inbox, receiver, FORMATS[inbox.address.format].in_datagrams
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(receiver, self._read)
 
-    def datagram_received(self, data: bytes, addr: tuple[object, ...]) -> None:
-        if self._inbox.is_full:
-            self._inbox.drop_oldest()
-        self._inbox.put([data] if self._whole else data.splitlines(), len(data), self._inbox.sender_at(addr))
+    def close(self) -> None:
+        """Take nothing more."""
+        self._loop.remove_reader(self._receiver)
+        self._receiver.close()
+
+    def _read(self) -> None:
+        """Take what waits, at most so much that other feeds have their turn."""
+        with suppress(OSError):  # nothing more waits
+            for _ in range(MOST_AT_ONCE):
+                data, address = self._receiver.recvfrom(READ_BYTES)
+                if self._inbox.is_full:
+                    self._inbox.drop_oldest()
+                self._inbox.put([data] if self._whole else data.splitlines(), len(data), self._inbox.sender_at(address))
 
 
 class _Room:
