@@ -97,7 +97,8 @@ def excesses(level, masked, azimuth, rules):
         excess = (level[s].astype(np.float32) - np.where(good, b, 0.0)) * np.float32(rules.db_per_level)
         db[s] = np.clip(excess, 0.0, rules.most_db)
         sums["b"].append(np.where(good, b, np.nan).astype(np.float32))
-        sums["d"].append(np.clip(np.where(good, y - b, 0.0).astype(np.float32), -most, most))
+        off = np.where(good, y - b, 0.0).astype(np.float32)
+        sums["d"].append(np.where(off > limit, most / np.float32(3.0), np.clip(off, -most, most)))
         looked = s + 1
     return on, db, looked
 

@@ -98,7 +98,7 @@ def detected(spokes, rules, learnt, begun, runs, excess):  # type: ignore[no-unt
         for k in range(5):
             _prefix(sums[k], prefix[k], pads)
         _compare(prefix, pads, rows[2, 1] - rows[2, 0], rules, y, b)
-        _learn(clipped[row], y, b, limits[1], learnt)
+        _learn(clipped[row], y, b, limits, learnt)
         found, over = _runs_of(row, level[row], clipped[row], (y, b, limits[0]), rules, (runs, excess), (found, over))
         released[row] = rows[0, 1]
         row += 1
@@ -220,12 +220,16 @@ def _compare(prefix, pads, beams, rules, y, b):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _learn(clipped, y, b, most, learnt):  # type: ignore[no-untyped-def]
-    """Add a spoke to the sums of its sector. Args: most: (C,) what is farther off the background counts as this."""
-    level_sum, square_sum, count = learnt.level_sum, learnt.square_sum, learnt.cells
+def _learn(clipped, y, b, limits, learnt):  # type: ignore[no-untyped-def]
+    """Add a spoke to the sums of its sector. What is detected counts as one deviation: else a large ship would hide parts of itself.
+
+    Args: limits: (2, C) over the background: what is detected, and what counts at most.
+    """
+    level_sum, square_sum, count, most = learnt.level_sum, learnt.square_sum, learnt.cells, limits[1]
     for c in range(len(y)):
         counts = (clipped[c] != MASKED) & (b[c] == b[c])
         off = min(max(y[c] - b[c], -most[c]), most[c])
+        off = most[c] / CLIPPED_SIGMAS if y[c] - b[c] > limits[0, c] else off
         level_sum[c] += b[c] if counts else np.float32(0.0)
         square_sum[c] += off * off if counts else np.float32(0.0)
         count[c] += np.int32(counts)
