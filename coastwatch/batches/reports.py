@@ -27,8 +27,10 @@ class RadarReports(Batch):
     origin: Ints = column(np.int64, "M")
     range_sigma_m: Floats = optional_column("M")  # standard deviation of this plot; NaN: that of the radar
     azimuth_sigma_deg: Floats = optional_column("M")  # the same
-    # Second moments of the echo, m2: along the beam, along and across, across; beam and pulse are in it. NaN: not measured.
+    # Second moments of the ship about its middle, m2: along the beam, along and across, across (clockwise positive), less those of
+    # beam and pulse; one that is smaller than these may be below 0. NaN: not measured.
     extent: Floats = optional_column("M", 3)
+    weight: Floats = optional_column("M")  # of the echo: sum of its amplitudes over the background; NaN: not measured
 
 
 @dataclass(frozen=True, eq=False)

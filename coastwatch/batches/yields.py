@@ -27,6 +27,8 @@ class Plots(Batch):
     range_m: Floats = column(np.float64, "M")  # as measured, less the corrections
     azimuth_rad: Floats = column(np.float64, "M")
     origin: Ints = column(np.int64, "M")
+    extent: Floats = optional_column("M", 3)  # second moments of the ship, m2: east, east and north, north; NaN: not measured
+    weight: Floats = optional_column("M")  # of the echo: sum of its amplitudes; NaN: not measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,11 @@ class Tracks(Batch):
     origin: Ints = column(np.int64, "N")
     held_mmsi: Ints = optional_column("N", dtype=np.int64)  # of a radar track: whose AIS messages are in it; -1: nobody's
     existence: Floats = optional_column("N")  # probability that there is a vessel; NaN: not estimated
+    echo_length_m: Floats = optional_column("N")  # of the ship, by radar video; NaN: not known, here and below
+    echo_width_m: Floats = optional_column("N")
+    echo_axis_deg: Floats = optional_column(
+        "N"
+    )  # of its length, clockwise from north; under 1 kn 0 to 180, as bow and stern look alike
 
     def known_covariance(self, velocity_sigma_m_s: float) -> Floats:
         """The covariances; where a source gives none, that of one report and of this standard deviation of velocity. (N, 4, 4)"""

@@ -66,6 +66,8 @@ class PolarConversion(Method):
             range_m=distance,
             azimuth_rad=azimuth,
             origin=kept.origin,
+            extent=_turned(kept.extent, position - site),
+            weight=kept.weight,
         )
         return PolarMemory(memory.dropped + len(reports) - len(kept)), plots
 
@@ -81,6 +83,22 @@ def _sigmas(reports: RadarReports, sensors: Sensors, corrections: RadarCorrectio
     if not given.any():
         return reports.sensor, specified
     return np.arange(len(reports)), np.where(given, own * corrections.noise_factor[reports.sensor], specified[reports.sensor])
+
+
+def _turned(extent: Floats, off_m: Floats) -> Floats:
+    """Second moments along and across the beam, turned to the plane. (M, 3) m2 Args: off_m: (M, 2) from the antenna."""
+    if np.isnan(extent).all():
+        return extent
+    east, north = (off_m / np.maximum(np.hypot(off_m[:, 0], off_m[:, 1]), 1e-9)[:, None]).T
+    along, both, across = extent.T
+    both_turned = 2.0 * east * north * both
+    return np.column_stack(
+        [
+            east**2 * along + both_turned + north**2 * across,
+            east * north * (along - across) + (north**2 - east**2) * both,
+            north**2 * along - both_turned + east**2 * across,
+        ]
+    )
 
 
 def _usable(reports: RadarReports, radars: int) -> Bools:

@@ -162,3 +162,19 @@ def test_a_plot_with_a_standard_deviation_of_its_own_has_its_own_covariance():
     ):
         wanted = converted(reports(), replace(sensors, radars=radars))[1]
         np.testing.assert_allclose(own.covariance[row], wanted.covariance[row], rtol=1e-12)
+
+
+def test_the_extent_of_a_ship_is_turned_from_the_beam_to_the_plane():
+    """A ship that lies along its beam points away from the antenna in the plane; one across, to its right."""
+    shape = np.array([[900.0, 0.0, 4.0], [4.0, 0.0, 900.0], [500.0, 300.0, 500.0]] * 2)
+    given = reports(extent=shape, weight=np.full(6, 7.0))
+    _, plots = converted(given)
+    off_m = plots.position_m - plots.site_m
+    along = off_m / np.hypot(*off_m.T)[:, None]
+    across = along[:, ::-1] * [1.0, -1.0]
+    turned = plots.extent[:, [[0, 1], [1, 2]]]
+    for k, (one, other) in enumerate([(along, along), (along, across), (across, across)]):
+        np.testing.assert_allclose(np.einsum("mi,mij,mj->m", one, turned, other), shape[:, k], atol=1e-6)
+    assert (plots.weight == 7.0).all()
+    _, plain = converted(reports())
+    assert np.isnan(plain.extent).all()

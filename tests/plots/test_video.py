@@ -13,7 +13,7 @@ from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
 from coastwatch.plots import CfarExtraction, ExtractionInput
 from coastwatch.plots.video import AbsoluteExtraction
 from coastwatch.plots.video.masks import Masks, Scale, Sector, mask_of
-from coastwatch.plots.video.spokes import VideoRadar
+from coastwatch.plots.video.spokes import BEAM_IN_MOMENT, FWHM, PULSE_IN_MOMENT, VideoRadar
 from coastwatch.scenario.sites import Radar, sensors_of
 from coastwatch.server.checkpoint import load, save
 
@@ -55,7 +55,17 @@ def plots_of(method, some, sensors, memory=None):
 
 
 def same(one: RadarReports, other: RadarReports) -> None:
-    for name in ("time_s", "received_s", "range_m", "azimuth_deg", "range_sigma_m", "azimuth_sigma_deg", "extent", "origin"):
+    for name in (
+        "time_s",
+        "received_s",
+        "range_m",
+        "azimuth_deg",
+        "range_sigma_m",
+        "azimuth_sigma_deg",
+        "extent",
+        "weight",
+        "origin",
+    ):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), name)
 
 
@@ -80,8 +90,8 @@ def against_textbook(level, azimuth=None, masks=None, gap=None):
         [
             plots.range_m / CELL_M - 0.5,
             np.radians(plots.azimuth_deg),
-            plots.extent[:, 0] / CELL_M**2,
-            plots.extent[:, 2] / plots.range_m**2,
+            (plots.extent[:, 0] + PULSE_IN_MOMENT * (radar.pulse_m / FWHM) ** 2) / CELL_M**2,
+            plots.extent[:, 2] / plots.range_m**2 + BEAM_IN_MOMENT * (radar.beam_rad / FWHM) ** 2,
             plots.extent[:, 1] / plots.range_m / CELL_M,
         ]
     )
@@ -165,9 +175,11 @@ def test_a_plot_lies_on_its_echo_with_the_time_of_the_beam_and_its_moments():
     assert plots.azimuth_deg[0] == pytest.approx((400.5 / 256 * 360.0) % 360.0, abs=0.01)
     assert plots.time_s[0] == pytest.approx(START_S + 400.5 / 256 * PERIOD_S, abs=0.005)
     assert plots.origin.tolist() == [0]
-    along, _, across = np.sqrt(np.abs(plots.extent[0]))
+    in_echo = np.square([45.0 / FWHM, plots.range_m[0] * np.radians(5.0) / FWHM]) * [PULSE_IN_MOMENT, BEAM_IN_MOMENT]
+    along, across = np.sqrt(plots.extent[0, [0, 2]] + in_echo)
     assert along > CELL_M
     assert across > plots.range_m[0] * np.radians(360.0 / 256)
+    assert plots.weight[0] > 100.0
 
 
 @pytest.mark.contract

@@ -24,6 +24,7 @@ LINEAR_DB = 0.5  # of the levels to which linear video is brought
 REMASK_M = 50.0  # a mask is made again when the antenna has moved so far
 MOST_DB = 60.0  # of the excess by which a cell is weighed
 FWHM = 2.35  # standard deviations in a width at half power
+PULSE_IN_MOMENT, BEAM_IN_MOMENT = 0.9, 0.72**2  # shares of the squares of pulse and beam that the moments of a point have
 RANGE_M, BEAM_SHARE, GLINT = 5.0, 0.15, 0.1  # error of a plot: least in range; least in azimuth, in beams; share of its length
 VESSEL_M = 120.0  # a plot that is nearer to a true vessel in range is of it
 TURN_RAD = 2.0 * np.pi
@@ -279,6 +280,8 @@ def _plots(echo: Array, released: Ints, m: SpokeMemory, radar: VideoRadar, windo
     var_r = np.maximum(echo["cell2"] / weight - cell**2, 0.0) * m.cell_m**2
     var_a = np.maximum(echo["azimuth2"] / weight - turned**2, 0.0)
     both = (echo["both"] / weight - cell * turned) * m.cell_m
+    ship_r = var_r - PULSE_IN_MOMENT * (radar.pulse_m / FWHM) ** 2
+    ship_a = var_a - BEAM_IN_MOMENT * (radar.beam_rad / FWHM) ** 2
     long_m2 = np.maximum(var_r - (radar.pulse_m / FWHM) ** 2, 0.0)
     wide_rad2 = np.maximum(var_a - (radar.beam_rad / FWHM) ** 2, 0.0)
     sigma_m = np.sqrt(RANGE_M**2 + m.cell_m**2 / 12.0 + GLINT * long_m2)
@@ -296,7 +299,8 @@ def _plots(echo: Array, released: Ints, m: SpokeMemory, radar: VideoRadar, windo
         origin=_origin(range_m, m.vessel_m[row]),
         range_sigma_m=sigma_m,
         azimuth_sigma_deg=np.degrees(sigma_rad),
-        extent=np.column_stack([var_r, range_m * both, range_m**2 * var_a]),
+        extent=np.column_stack([ship_r, range_m * both, range_m**2 * ship_a]),
+        weight=weight,
     )
 
 

@@ -15,11 +15,12 @@ from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.association import AnyAssociation, MultiHypothesis
 from coastwatch.tracks.radar.clutter import standing_echoes
+from coastwatch.tracks.radar.extent import LEAST_PLOTS, Hulls, averaged, axes, joined
 from coastwatch.tracks.radar.messages import Guiding, NoMessages, WithMessages, begin_unnamed, in_order
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.plot_batches import cut, is_usable
 from coastwatch.tracks.radar.report import Reported, report, report_measurements
-from coastwatch.tracks.radar.table import RadarMemory, Table
+from coastwatch.tracks.radar.table import RadarMemory
 
 HELD = 0.98  # an id of this probability is reported as that of the vessel; the first message gives `correct_id`, 0.99
 
@@ -84,8 +85,7 @@ def update_region(
     queue = None if isinstance(messages, NoMessages) else _MessagesInTurn(messages, in_order(messages, parts, heard, memory))
     memory = memory.with_clutter_map(parts.clutter, sensors.radars)
     good = is_usable(plots, time_s, upkeep.ahead_s)
-    if not good.all():
-        plots = plots.take(good)
+    plots = _whole_hulls(parts, memory, plots if good.all() else plots.take(good), time_s)
     if upkeep.echo_sigma_m > 0.0:
         plots = replace(plots, covariance=plots.covariance + upkeep.echo_sigma_m**2 * np.eye(2))
     ours = np.flatnonzero(sensors.radars.region == region)
@@ -106,6 +106,7 @@ def update_region(
             begin_unnamed(queue.rules, memory.table, memory.table.live[before:])
         got = np.flatnonzero(slot >= 0)
         taken[batch.first + got] = memory.table.track_id[slot[got]]
+        averaged(memory.table.extent, memory.table.extents, slot[got], plots.extent[batch.first + got])
         if batch.ends_slice:
             radars = _radars(memory, ours, specified, sensors)
             memory = _end_slice(association, parts, memory, radars, ours, float(batch.columns.time[-1]))
@@ -123,7 +124,7 @@ def update_region(
         now = _predicted(association, parts, memory, rows, time_s)
     tracks = report(
         now,
-        _reported(table, rows, upkeep.existence(table, rows, time_s), isinstance(messages, Guiding)),
+        _reported(memory, rows, now, upkeep.existence(table, rows, time_s), isinstance(messages, Guiding), sensors),
         radars,
         time_s,
         sensors,
@@ -164,8 +165,34 @@ def _by_plots(parts: Parts, memory: RadarMemory, rows: Ints, time_s: float) -> t
     return rows, now
 
 
-def _reported(table: Table, rows: Ints, existence: Floats, of_plots: bool) -> Reported:
-    """What is said of the tracks in these slots. Args: of_plots: no message is in them."""
+def _beam_m(memory: RadarMemory, rows: Ints, position_m: Floats, sensors: Sensors) -> Floats:
+    """The width of the beam at the tracks in these slots, of the radar with the newest plot. (N,)"""
+    newest = memory.table.radar_s[rows].argmax(axis=1) if memory.table.radar_s.shape[1] else np.zeros(len(rows), np.int64)
+    off_m = position_m - memory.site_m[newest]
+    return np.asarray(sensors.radars.beam_rad[newest] * np.hypot(off_m[:, 0], off_m[:, 1]))
+
+
+def _whole_hulls(parts: Parts, memory: RadarMemory, plots: Plots, time_s: float) -> Plots:
+    """The plots, with the pieces inside the hull of a confirmed track of known length as one plot."""
+    if np.isnan(plots.extent[:, 0]).all():
+        return plots
+    table, radars = memory.table, parts.sensors.radars
+    rows = parts.upkeep.shown(table, time_s)
+    rows = rows[table.extents[rows] >= LEAST_PLOTS]
+    rows = rows[axes(table.extent[rows])[0] > _beam_m(memory, rows, table.combined_mean[rows, :2], parts.sensors)]
+    hulls = Hulls(table.updated_s[rows], table.combined_mean[rows], table.extent[rows], table.radar_s[rows])
+    return joined(plots, hulls, radars.period_s)
+
+
+def _reported(memory: RadarMemory, rows: Ints, now: Estimates, existence: Floats, of_plots: bool, sensors: Sensors) -> Reported:
+    """What is said of the tracks in these slots. Args: now: (N) their estimates; of_plots: no message is in them."""
+    table = memory.table
+    extent = np.full((len(rows), 3), np.nan)
+    beam_m = np.full(len(rows), np.nan)
+    known = np.flatnonzero(table.extents[rows] >= LEAST_PLOTS)
+    if len(known):
+        extent[known] = table.extent[rows[known]]
+        beam_m[known] = _beam_m(memory, rows[known], now.mean[known, :2], sensors)
     return Reported(
         number=table.track_id[rows],
         updated_s=np.maximum(table.radar_s[rows].max(axis=1, initial=-np.inf), -np.inf if of_plots else table.message_s[rows]),
@@ -173,6 +200,8 @@ def _reported(table: Table, rows: Ints, existence: Floats, of_plots: bool) -> Re
         origin=kernels.tracks.report.most_frequent_origins(table.origins, table.hits, rows),
         held_mmsi=table.probable_ids(rows, HELD),
         existence=existence,
+        extent=extent,
+        beam_m=beam_m,
     )
 
 

@@ -10,6 +10,7 @@ from coastwatch import kernels
 from coastwatch.batches import ID_STRIDE, Floats, Ints, Measurements, Plots, Sensors, Tracks
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
+from coastwatch.tracks.radar.extent import Echoes, echoes_of
 
 
 class Reported(NamedTuple):
@@ -21,6 +22,8 @@ class Reported(NamedTuple):
     origin: Ints
     held_mmsi: Ints  # -1: none
     existence: Floats  # NaN: not estimated
+    extent: Floats  # (N, 3) mean second moments of the echoes, m2 in the plane; NaN: not known
+    beam_m: Floats  # width of the beam at the track; NaN: not known
 
 
 def report(now: Estimates, reported: Reported, radars: RadarColumns, time_s: float, sensors: Sensors, region: int) -> Tracks:
@@ -32,6 +35,7 @@ def report(now: Estimates, reported: Reported, radars: RadarColumns, time_s: flo
     one = kernels.tracks.report.plot_covariances(now.mean, radars, range_sigma_m, azimuth_sigma_rad)
     _, one = kernels.tracks.report.geodetic_points(now.mean, one, latitude, longitude)
     count = len(reported.number)
+    echoes = _echoes(now, reported, velocity, latitude, longitude)
     return Tracks(
         track_id=region * ID_STRIDE + reported.number,
         source=np.full(count, region, np.int64),
@@ -46,7 +50,22 @@ def report(now: Estimates, reported: Reported, radars: RadarColumns, time_s: flo
         origin=reported.origin,
         held_mmsi=reported.held_mmsi,
         existence=reported.existence,
+        echo_length_m=echoes.length_m,
+        echo_width_m=echoes.width_m,
+        echo_axis_deg=echoes.axis_deg,
     )
+
+
+def _echoes(now: Estimates, reported: Reported, velocity_m_s: Floats, latitude: float, longitude: float) -> Echoes:
+    """Size and axis of the ships by their echoes. (N,) Args: velocity_m_s: (N, 2); latitude, longitude: of the plane's origin."""
+    known = np.flatnonzero(np.isfinite(reported.extent[:, 0]))
+    every = np.full((3, len(reported.number)), np.nan)
+    if len(known):
+        moments = reported.extent[known][:, [[0, 1], [1, 2]]]
+        _, turned = kernels.tracks.report.geodetic_points(now.mean[known, :2].copy(), moments, latitude, longitude)
+        extent = turned.reshape(-1, 4)[:, [0, 1, 3]]
+        every[:, known] = echoes_of(extent, reported.beam_m[known], velocity_m_s[known])
+    return Echoes(*every)
 
 
 def report_measurements(tracks: Tracks, taken: Ints, plots: Plots, sensors: Sensors, region: int) -> Measurements:

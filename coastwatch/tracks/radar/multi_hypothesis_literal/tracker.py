@@ -295,7 +295,9 @@ class MultiHypothesisLiteral(Method, InitiationSettings):
         )
         alike = ((leaves.origin[:, :, None] == leaves.origin[:, None]) & (leaves.origin >= 0)[:, :, None]).sum(axis=2)
         origin = leaves.origin[np.arange(len(trees)), alike.argmax(axis=1)]
-        said = Reported(trees.number, leaves.updated_s, trees.started_s, origin, leaves.mmsi, np.full(len(trees), np.nan))
+        unknown = np.full(len(trees), np.nan)
+        extent = np.full((len(trees), 3), np.nan)
+        said = Reported(trees.number, leaves.updated_s, trees.started_s, origin, leaves.mmsi, unknown, extent, unknown)
         return report(now, said, radars, time_s, sensors, region)
 
 

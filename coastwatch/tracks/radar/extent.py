@@ -1,0 +1,163 @@
+"""Size and axis of ships from the second moments of their echoes, and pieces of one hull joined to one plot.
+
+Source: section 7 of the specification of radar images; a line of scatterers of length L has the second moment L^2 / 12.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from coastwatch.batches import Bools, Floats, Ints, Plots
+from coastwatch.geodesy import KNOT_M_S, wrap_rad
+
+MOST_WEIGHT = 10  # plots after which a newer one counts a tenth
+LEAST_PLOTS = 5  # in the mean, before a size is given
+LENGTH_OF_MOMENT = 12.0
+WIDER, BEYOND_M = 1.15, 15.0  # a piece is inside so much more of the half axes, and so much beyond
+UNDER_WAY_M_S = KNOT_M_S  # a slower ship has an axis, but no heading
+GLINT = 0.1  # share of the second moment that is in the variance of a plot, as in `plots.video`
+
+
+class Echoes(NamedTuple):
+    """Size and axis of ships by their echoes. (N,) NaN: not known."""
+
+    length_m: Floats
+    width_m: Floats
+    axis_deg: Floats  # clockwise from north: 0 to 360 by the course over 1 kn, else 0 to 180
+
+
+class Hulls(NamedTuple):
+    """Confirmed tracks of known length."""
+
+    time_s: Floats  # (N,) of the states
+    state: Floats  # (N, 4) east, north, east rate, north rate in the plane
+    extent: Floats  # (N, 3) m2
+    radar_s: Floats  # (N, R) newest plot of each radar
+
+
+def averaged(extent: Floats, count: Ints, slots: Ints, new: Floats) -> None:
+    """Put the second moments of plots into the means of tracks, in place: each as one of so many, the newest at least a tenth.
+
+    Args: extent: (S, 3) m2, count: (S,) plots in it, of every slot; slots: (M,) each once; new: (M, 3), NaN: not measured.
+    """
+    measured = np.isfinite(new[:, 0])
+    if not measured.any():
+        return
+    slots, new = slots[measured], new[measured]
+    extent[slots] = np.where(count[slots, None] > 0, extent[slots], 0.0)
+    count[slots] = np.minimum(count[slots] + 1, MOST_WEIGHT)
+    extent[slots] += (new - extent[slots]) / count[slots, None]
+
+
+def axes(extent: Floats) -> tuple[Floats, Floats, Floats]:
+    """Length and width in metres, 0 where the moment is below 0, and the angle of the long axis clockwise from north, rad. (N,)
+
+    Args: extent: (N, 3) m2.
+    """
+    east, both, north = extent.T
+    half, root = 0.5 * (east + north), np.hypot(0.5 * (east - north), both)
+    length, width = (np.sqrt(LENGTH_OF_MOMENT * np.maximum(value, 0.0)) for value in (half + root, half - root))
+    return length, width, 0.5 * np.arctan2(2.0 * both, north - east)
+
+
+def echoes_of(extent: Floats, beam_m: Floats, velocity_m_s: Floats) -> Echoes:
+    """Size and axis of ships that are longer than the beam is wide.
+
+    Args: extent: (N, 3) m2, NaN: not known; beam_m: (N,) width of the beam at each; velocity_m_s: (N, 2) east, north.
+    """
+    length, width, angle = axes(extent)
+    speed, course = np.hypot(velocity_m_s[:, 0], velocity_m_s[:, 1]), np.arctan2(velocity_m_s[:, 0], velocity_m_s[:, 1])
+    backwards = np.abs(wrap_rad(angle - course)) > 0.5 * np.pi
+    turned = np.where(speed > UNDER_WAY_M_S, np.degrees(angle) + np.where(backwards, 180.0, 0.0), np.degrees(angle) % 180.0)
+    known = length > beam_m  # not where either is not a number
+    given = (np.where(known, value, np.nan) for value in (length, np.where(width > 0.0, width, np.nan), turned % 360.0))
+    return Echoes(*given)
+
+
+def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> Plots:
+    """The plots with the pieces of a hull that one radar saw in one look as one plot; of several hulls around it the longest has a piece.
+
+    Weights, moments and places add up. A piece is left out where the track took a plot of this look before: the hull was cut by the end
+    of a cycle. Args: hulls: (N); period_s: (R,) of one turn of each radar.
+    """
+    measured = np.flatnonzero(np.isfinite(plots.extent[:, 0]) & (plots.weight > 0.0))
+    if not len(measured) or not len(hulls.time_s):
+        return plots
+    row, hull = _inside(plots, measured, hulls)
+    if not len(row):
+        return plots
+    late = plots.time_s[row] - hulls.radar_s[hull, plots.sensor[row]] < 0.5 * period_s[plots.sensor[row]]
+    keep = np.ones(len(plots), np.bool_)
+    keep[row[late]] = False
+    row, hull = row[~late], hull[~late]
+    if not len(row):
+        return plots.take(keep)
+    order = np.lexsort((plots.time_s[row], plots.sensor[row], hull))
+    row, hull = row[order], hull[order]
+    radar, time_s = plots.sensor[row], plots.time_s[row]
+    first = np.ones(len(row), np.bool_)
+    first[1:] = (hull[1:] != hull[:-1]) | (radar[1:] != radar[:-1]) | (np.diff(time_s) > 0.5 * period_s[radar[1:]])
+    keep[row[~first]] = False
+    together = _sums(plots.take(row), np.cumsum(first) - 1, first)
+    whole = replace(plots, **{name: getattr(plots, name).copy() for name in SUMMED})
+    for name in SUMMED:
+        getattr(whole, name)[row[first]] = getattr(together, name)
+    return whole.take(keep)
+
+
+SUMMED = ("time_s", "position_m", "covariance", "range_m", "azimuth_rad", "extent", "weight")
+
+
+def _inside(plots: Plots, measured: Ints, hulls: Hulls) -> tuple[Ints, Ints]:
+    """The plots that are in a hull, and the longest hull that each is in. (K,), (K,) Args: measured: rows of plots."""
+    from scipy.spatial import cKDTree  # here: only a run with video needs its 40 MB
+
+    length, width, angle = axes(hulls.extent)
+    half_m = WIDER * 0.5 * np.column_stack([length, width]) + BEYOND_M
+    latest_s = float(plots.time_s[measured].max())
+    speed = np.hypot(hulls.state[:, 2], hulls.state[:, 3])
+    span_s = latest_s - float(plots.time_s[measured].min())
+    at_m = hulls.state[:, :2] + (latest_s - hulls.time_s)[:, None] * hulls.state[:, 2:]
+    reach_m = half_m[:, 0] + speed * span_s
+    near = cKDTree(plots.position_m[measured]).sparse_distance_matrix(
+        cKDTree(at_m), float(reach_m.max()), output_type="ndarray"
+    )
+    row, hull = measured[near["i"]], np.asarray(near["j"])
+    off_m = plots.position_m[row] - hulls.state[hull, :2]
+    off_m = off_m - (plots.time_s[row] - hulls.time_s[hull])[:, None] * hulls.state[hull, 2:]
+    sine, cosine = np.sin(angle[hull]), np.cos(angle[hull])
+    along, across = off_m[:, 0] * sine + off_m[:, 1] * cosine, off_m[:, 0] * cosine - off_m[:, 1] * sine
+    inside: Bools = (along / half_m[hull, 0]) ** 2 + (across / half_m[hull, 1]) ** 2 <= 1.0
+    row, hull = row[inside], hull[inside]
+    order = np.lexsort((hull, -length[hull], row))
+    row, hull = row[order], hull[order]
+    best = np.ones(len(row), np.bool_)
+    best[1:] = row[1:] != row[:-1]
+    return row[best], hull[best]
+
+
+def _sums(pieces: Plots, group: Ints, first: Bools) -> Plots:
+    """One plot for each group of pieces. Args: group: (K,) increasing from 0; first: (K,) which piece is the first of its group."""
+    share = pieces.weight / np.bincount(group, pieces.weight)[group]
+
+    def mean(values: Floats) -> Floats:
+        return np.add.reduceat(values * share.reshape(-1, *[1] * (values.ndim - 1)), np.flatnonzero(first))
+
+    turned = wrap_rad(pieces.azimuth_rad - pieces.azimuth_rad[first][group])
+    middle = mean(pieces.position_m)
+    off_m = pieces.position_m - middle[group]
+    outer = mean(off_m[:, :, None] * off_m[:, None, :])
+    apart = np.column_stack([outer[:, 0, 0], outer[:, 0, 1], outer[:, 1, 1]])
+    return replace(
+        pieces.take(first),
+        time_s=mean(pieces.time_s),
+        position_m=middle,
+        covariance=mean(pieces.covariance) + GLINT * outer,
+        range_m=mean(pieces.range_m),
+        azimuth_rad=pieces.azimuth_rad[first] + mean(turned),
+        extent=mean(pieces.extent) + apart,
+        weight=np.bincount(group, pieces.weight),
+    )

@@ -1,0 +1,142 @@
+"""Size and axis of ships by their echoes, and pieces of one hull that are one plot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from radar_world import two_radars
+
+from coastwatch.batches import Plots
+from coastwatch.geodesy import wrap_deg
+from coastwatch.server.checkpoint import load, save
+from coastwatch.tracks import RegionInput, TableTracker
+from coastwatch.tracks.radar.extent import Hulls, averaged, axes, echoes_of, joined
+
+pytestmark = pytest.mark.contract
+
+PERIOD_S = 2.4
+
+
+def moments(length, width, axis_deg):
+    """Second moments of a rectangle, m2: east, east and north, north."""
+    a = np.radians(axis_deg)
+    ahead, across = np.array([np.sin(a), np.cos(a)]), np.array([np.cos(a), -np.sin(a)])
+    whole = (length**2 * np.outer(ahead, ahead) + width**2 * np.outer(across, across)) / 12.0
+    return np.array([whole[0, 0], whole[0, 1], whole[1, 1]])
+
+
+def plots(time_s, position_m, extent, weight, sensor=0):
+    count = len(time_s)
+    return Plots(
+        sensor=np.full(count, sensor),
+        region=np.zeros(count, np.int64),
+        time_s=np.array(time_s, float),
+        position_m=np.array(position_m, float).reshape(-1, 2),
+        covariance=np.tile(np.eye(2) * 36.0, (count, 1, 1)),
+        site_m=np.zeros((count, 2)),
+        range_m=np.hypot(*np.array(position_m, float).reshape(-1, 2).T),
+        azimuth_rad=np.arctan2(*np.array(position_m, float).reshape(-1, 2).T),
+        origin=np.zeros(count, np.int64),
+        extent=np.array(extent, float).reshape(-1, 3),
+        weight=np.array(weight, float),
+    )
+
+
+def hulls(*ships):
+    """Hulls at rest at time 0. Args: ships: east, north, length, width, axis in degrees, time of the newest plot."""
+    state = np.array([[e, n, 0.0, 0.0] for e, n, *_ in ships])
+    extent = np.array([moments(length, width, axis) for _, _, length, width, axis, _ in ships])
+    return Hulls(np.zeros(len(ships)), state, extent, np.array([[newest] for *_, newest in ships]))
+
+
+@pytest.mark.parametrize("axis", [0.0, 37.0, 90.0, 141.0])
+def test_a_rectangle_has_its_length_width_and_axis(axis):
+    length, width, angle = axes(moments(300.0, 42.0, axis)[None])
+    assert length[0] == pytest.approx(300.0)
+    assert width[0] == pytest.approx(42.0)
+    assert abs(wrap_deg(2.0 * (np.degrees(angle[0]) - axis))) < 1e-6
+
+
+def test_the_axis_follows_the_course_and_a_ship_at_rest_has_no_bow():
+    extent = np.tile(moments(300.0, 42.0, 30.0), (4, 1))
+    velocity = np.array([[3.0, 3.0], [-3.0, -3.0], [-0.3, -0.3], [3.0, 3.0]])
+    found = echoes_of(extent, np.array([50.0, 50.0, 50.0, 310.0]), velocity)
+    np.testing.assert_allclose(found.axis_deg, [30.0, 210.0, 30.0, np.nan])
+    np.testing.assert_allclose(found.length_m, [300.0, 300.0, 300.0, np.nan])
+    noise = echoes_of(np.array([[-400.0, 0.0, 9000.0], [np.nan] * 3]), np.full(2, 20.0), np.zeros((2, 2)))
+    assert np.isnan(noise.width_m).all()
+    assert noise.length_m[0] == pytest.approx(np.sqrt(12.0 * 9000.0))
+    assert np.isnan(noise.length_m[1])
+
+
+def test_the_newest_moment_counts_a_tenth_at_least():
+    extent, count = np.full((3, 3), 1e9), np.zeros(3, np.int64)
+    for k in range(12):
+        averaged(extent, count, np.array([1, 2]), np.array([[float(k), 0.0, 1.0], [np.nan] * 3]))
+    assert count.tolist() == [0, 10, 0]
+    want = 4.5 + 0.1 * (10 - 4.5)
+    want += 0.1 * (11 - want)
+    assert extent[1, 0] == pytest.approx(want)
+    assert extent[2, 0] == 1e9
+
+
+def test_pieces_of_a_hull_are_one_plot_with_the_moments_of_the_whole():
+    """Two halves of a ship of 300 m are the ship; a boat beside it, and the same places in the next look, are plots of their own."""
+    half = moments(150.0, 42.0, 90.0)
+    boat = [0.0, 120.0]
+    given = plots(
+        [1.0, 1.1, 1.2, 3.4],
+        [[-75.0, 1000.0], [75.0, 1000.0], [boat[0], 1000.0 + boat[1]], [75.0, 1000.0]],
+        [half, half, moments(10.0, 4.0, 0.0), half],
+        [10.0, 10.0, 5.0, 10.0],
+    )
+    found = joined(given, hulls((0.0, 1000.0, 300.0, 42.0, 90.0, -1.4)), np.array([PERIOD_S]))
+    assert len(found) == 3
+    np.testing.assert_allclose(found.position_m, [[0.0, 1000.0], [0.0, 1120.0], [75.0, 1000.0]], atol=1e-9)
+    np.testing.assert_allclose(found.extent[0], moments(300.0, 42.0, 90.0), atol=1e-6)
+    assert found.weight.tolist() == [20.0, 5.0, 10.0]
+    assert found.time_s[0] == pytest.approx(1.05)
+    assert found.covariance[0, 0, 0] == pytest.approx(36.0 + 0.1 * 75.0**2)
+
+
+def test_a_piece_of_a_look_that_gave_a_plot_before_is_left_out():
+    given = plots([0.4], [[75.0, 1000.0]], [moments(150.0, 42.0, 90.0)], [10.0])
+    ship = 0.0, 1000.0, 300.0, 42.0, 90.0
+    assert len(joined(given, hulls((*ship, 0.0)), np.array([PERIOD_S]))) == 0
+    assert len(joined(given, hulls((*ship, -2.0)), np.array([PERIOD_S]))) == 1
+
+
+def test_of_several_hulls_around_it_the_longest_has_a_piece_and_nothing_is_joined_without_extents():
+    one, other = (0.0, 1000.0, 300.0, 42.0, 90.0, -9.0), (100.0, 1000.0, 100.0, 42.0, 90.0, -9.0)
+    given = plots([1.0, 1.1], [[-80.0, 1000.0], [100.0, 1000.0]], [moments(90.0, 30.0, 90.0)] * 2, [1.0, 3.0])
+    found = joined(given, hulls(other, one), np.array([PERIOD_S]))
+    np.testing.assert_allclose(found.position_m, [[55.0, 1000.0]])
+    unknown = plots([1.0, 1.1], [[-80.0, 1000.0], [100.0, 1000.0]], np.full((2, 3), np.nan), [1.0, 3.0])
+    assert len(joined(unknown, hulls(other, one), np.array([PERIOD_S]))) == 2
+
+
+@pytest.mark.parametrize("method", ["sided_imm", "vimmjipda", "guided_vimmjipda", "multi_hypothesis"])
+def test_a_tracker_reports_the_size_of_a_ship_in_pieces_as_one_track_and_resumes(method):
+    """From the tenth turn on the ship comes in two halves, in both methods of life."""
+    tracker, sensors = TableTracker(method=method), two_radars()
+    sensors = replace(sensors, radars=replace(sensors.radars, beam_rad=np.full(2, np.radians(1.0))))
+    memory, period_s = tracker.init(), float(sensors.radars.period_s[0])
+    for turn in range(16):
+        now_s = 1.7e9 + turn * period_s
+        middle = np.array([1500.0 + 5.0 * turn * period_s, 1500.0])
+        off = [[0.0, 0.0]] if turn < 10 else [[-75.0, 0.0], [75.0, 0.0]]
+        shape = moments(300.0 / len(off), 42.0, 90.0)
+        given = plots(
+            np.full(len(off), now_s) + np.arange(len(off)) * 1e-3,
+            middle + np.array(off),
+            [shape] * len(off),
+            [5.0] * len(off),
+        )
+        memory = load(save(memory)) if turn == 12 else memory
+        memory, found = tracker.step(memory, RegionInput.of_plots(given, now_s + 0.1, sensors))
+    assert len(found.tracks) == 1
+    assert found.tracks.echo_length_m[0] == pytest.approx(300.0, abs=1.0)
+    assert found.tracks.echo_width_m[0] == pytest.approx(42.0, abs=1.0)
+    assert found.tracks.echo_axis_deg[0] == pytest.approx(90.0, abs=0.5)
