@@ -41,7 +41,7 @@ from coastwatch.batches.sensors import (
     Stations,
     TrackSources,
 )
-from coastwatch.batches.struct import Batch, Struct, column
+from coastwatch.batches.struct import Batch, Struct, column, optional_column
 from coastwatch.batches.video import Extractions, RadarVideo, Videos
 from coastwatch.batches.yields import (
     COVER_AZIMUTHS,
@@ -151,4 +151,5 @@ __all__ = [
     "cover_cell",
     "joint_keys",
     "nav_status_text",
+    "optional_column",
 ]

@@ -91,6 +91,9 @@ class TrackReports(Batch):
     velocity_m_s: Floats = column(np.float64, "M", 2)  # NaN: not given
     covariance: Floats = column(np.float64, "M", 4, 4)  # NaN: not given; the velocity block alone may be NaN
     origin: Ints = column(np.int64, "M")
+    echo_length_m: Floats = optional_column("M")  # as of `Tracks`; NaN: not given, here and below
+    echo_width_m: Floats = optional_column("M")
+    echo_axis_deg: Floats = optional_column("M")
 
 
 @dataclass(frozen=True, eq=False)

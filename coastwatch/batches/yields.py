@@ -233,6 +233,9 @@ class Picture(Batch):
     origin: Ints = column(np.int64, "V")
     nav_status: Ints = optional_column("V", dtype=np.int64)  # NavStatus; -1: none was sent
     existence: Floats = optional_column("V")  # probability that it exists, by its likeliest track; NaN: not estimated
+    echo_length_m: Floats = optional_column("V")  # by its track with the longest echo, as of `Tracks`, here and below
+    echo_width_m: Floats = optional_column("V")
+    echo_axis_deg: Floats = optional_column("V")
 
 
 @dataclass(frozen=True, eq=False)

@@ -110,6 +110,21 @@ def existence_of(tracks: Tracks, row_of_track: Ints, count: int) -> Floats:
     return existence
 
 
+def with_echoes(picture: Picture, tracks: Tracks, row_of_track: Ints) -> Picture:
+    """The picture with size and axis of each vessel by the longest echo of its tracks; NaN where no track has one.
+
+    Args: row_of_track: (N,) row of the picture.
+    """
+    every = np.full((3, len(picture)), np.nan)
+    known = np.flatnonzero(np.isfinite(tracks.echo_length_m))
+    if len(known):
+        known = known[np.lexsort((tracks.echo_length_m[known], row_of_track[known]))]
+        for column, values in zip(every, (tracks.echo_length_m, tracks.echo_width_m, tracks.echo_axis_deg), strict=True):
+            column[row_of_track[known]] = values[known]  # of equal rows the last, the longest, stays
+    length, width, axis = every
+    return replace(picture, echo_length_m=length, echo_width_m=width, echo_axis_deg=axis)
+
+
 def predict(vessels: Picture, time_s: float, drift_m_s15: float) -> Picture:
     """Vessels without tracks at a later time: straight motion with white acceleration, flagged as coasting.
 

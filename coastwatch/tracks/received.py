@@ -21,6 +21,7 @@ from coastwatch.batches import (
     TrackSourceStates,
     column,
     joint_keys,
+    optional_column,
 )
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
 from coastwatch.kernels.tables.lookup import row_of
@@ -50,6 +51,9 @@ class ReceivedTable(Batch):
     base_position_deg: Floats = column(np.float64, "N", 2)
     covariance: Floats = column(np.float64, "N", 4, 4)  # as given; NaN where the source gives none
     origin: Ints = column(np.int64, "N")
+    echo_length_m: Floats = optional_column("N")
+    echo_width_m: Floats = optional_column("N")
+    echo_axis_deg: Floats = optional_column("N")
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +190,9 @@ class ReceivedTracks(Method):
             base_position_deg=base_position_deg,
             covariance=new.covariance,
             origin=new.origin,
+            echo_length_m=new.echo_length_m,
+            echo_width_m=new.echo_width_m,
+            echo_axis_deg=new.echo_axis_deg,
         )
         kept = np.ones(len(table), np.bool_)
         kept[row[known]] = False
@@ -247,6 +254,9 @@ class ReceivedTracks(Method):
             started_s=table.started_s,
             mmsi=np.full(n, -1, np.int64),
             origin=table.origin,
+            echo_length_m=table.echo_length_m,
+            echo_width_m=table.echo_width_m,
+            echo_axis_deg=table.echo_axis_deg,
         )
 
 

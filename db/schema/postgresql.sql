@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/schema/tables.py, schema 0023, by `make docs`.
+-- Generated from coastwatch/store/schema/tables.py, schema 0024, by `make docs`.
 
 CREATE TABLE audit (
 	id BIGSERIAL NOT NULL,
@@ -58,6 +58,9 @@ CREATE TABLE vessel (
 	nav_status BIGINT,
 	interval_s FLOAT(53),
 	existence FLOAT(53),
+	echo_length_m FLOAT(53),
+	echo_width_m FLOAT(53),
+	echo_axis_deg FLOAT(53),
 	PRIMARY KEY (run_id, vessel_id)
 );
 
@@ -299,6 +302,9 @@ CREATE TABLE recording (
 	member_source BYTEA NOT NULL,
 	nav_status BYTEA,
 	existence BYTEA,
+	echo_length_m BYTEA,
+	echo_width_m BYTEA,
+	echo_axis_deg BYTEA,
 	PRIMARY KEY (run_id, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );

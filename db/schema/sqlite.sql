@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/schema/tables.py, schema 0023, by `make docs`.
+-- Generated from coastwatch/store/schema/tables.py, schema 0024, by `make docs`.
 
 CREATE TABLE audit (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -56,6 +56,9 @@ CREATE TABLE vessel (
 	nav_status INTEGER,
 	interval_s FLOAT,
 	existence FLOAT,
+	echo_length_m FLOAT,
+	echo_width_m FLOAT,
+	echo_axis_deg FLOAT,
 	PRIMARY KEY (run_id, vessel_id)
 )
  WITHOUT ROWID;
@@ -310,6 +313,9 @@ CREATE TABLE recording (
 	member_source BLOB NOT NULL,
 	nav_status BLOB,
 	existence BLOB,
+	echo_length_m BLOB,
+	echo_width_m BLOB,
+	echo_axis_deg BLOB,
 	PRIMARY KEY (run_id, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );

@@ -1,6 +1,7 @@
 """Identity and flags: what an id must survive and when a flag is up."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -312,3 +313,19 @@ def test_what_a_vessel_of_one_knot_could_leave_is_no_proof_of_rest(monkeypatch):
     monkeypatch.setattr(sys.modules[__name__], "EAST_M_S", 0.0)
     noisy = Identity(under_way_kn=0.1)
     assert not any(flagged(play([[RADAR]] * 60, method=noisy), Flag.STATIONARY)), "25 m at 0.1 kn take eight minutes"
+
+
+def test_a_vessel_has_the_size_of_the_longest_echo_of_its_tracks():
+    tracks, associations, fused = cycle_of(0, [RADAR, OTHER_RADAR, AIS, (9, 0, 1, 5000.0, -1, 6)])
+    sized = replace(
+        tracks,
+        echo_length_m=np.array([180.0, 210.0, np.nan, np.nan]),
+        echo_width_m=np.array([30.0, 34.0, np.nan, np.nan]),
+        echo_axis_deg=np.array([80.0, 82.0, np.nan, np.nan]),
+    )
+    _, (picture, _) = Identity().step(
+        Identity().init(), PictureInput(sized, associations, fused, alarms(tracks), 0.0, sensors())
+    )
+    np.testing.assert_array_equal(picture.echo_length_m, [210.0, np.nan])
+    np.testing.assert_array_equal(picture.echo_width_m, [34.0, np.nan])
+    np.testing.assert_array_equal(picture.echo_axis_deg, [82.0, np.nan])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,6 +90,18 @@ def test_a_cycle_is_the_same_to_the_bit_after_its_way_and_damaged_ones_are_refus
         decode(encode(RegionCycle("7@x", 0, 1.0, tracks())))
     with pytest.raises(MessageError, match="NUMBER@TIME"):
         decode(encode(RegionCycle("x", 1, 1.0, tracks())))
+
+
+def test_sizes_by_radar_come_along_and_a_message_of_version_1_has_none() -> None:
+    sent = replace(tracks(), **{name: np.array([200.0, np.nan, 7.0]) + k for k, name in enumerate(message.ECHOES)})
+    data = encode(RegionCycle("7@x", 1, 1.0, sent))
+    reports = decode(data).reports(2)
+    assert [getattr(reports, name)[0] for name in message.ECHOES] == [200.0, 201.0, 202.0]
+    with np.load(io.BytesIO(data)) as file:
+        former = {name: file[name] for name in file.files if name not in message.ECHOES}
+    old = io.BytesIO()
+    np.savez(old, **former)
+    assert np.isnan(decode(old.getvalue()).tracks.echo_length_m).all()
 
 
 def test_a_small_message_with_arrays_of_any_size_is_refused_before_they_are_made(monkeypatch: pytest.MonkeyPatch) -> None:

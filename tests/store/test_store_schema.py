@@ -62,6 +62,9 @@ SINCE_0004 = (
     "nav_status",
     "interval_s",
     "existence",
+    "echo_length_m",
+    "echo_width_m",
+    "echo_axis_deg",
 )
 """Columns that it does not have; it has `cycle.history_kept`."""
 

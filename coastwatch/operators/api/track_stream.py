@@ -9,7 +9,7 @@ from starlette.websockets import WebSocket
 
 from coastwatch.operators.api.streaming import BAD_MESSAGE, first_done, sent_in_time, woken_by
 from coastwatch.server.regions.link import Outgoing, Position
-from coastwatch.server.regions.message import PROTOCOL
+from coastwatch.server.regions.message import PROTOCOL, PROTOCOLS
 from coastwatch.server.regions.publisher import Publisher
 
 NO_TRACKS = 4404
@@ -19,7 +19,7 @@ NO_TRACKS = 4404
 async def serve_tracks(socket: WebSocket, publisher: Publisher | None, had: Position, from_s: float) -> None:
     """Send cycles to one centre until it leaves or does not read. Args: had: the last cycle that it has; from_s: as of `Publisher`."""
     offered = socket.scope.get("subprotocols", [])
-    await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
+    await socket.accept(subprotocol=next((name for name in PROTOCOLS if name in offered), None))
     if publisher is None:
         await socket.close(NO_TRACKS, "this server sends no tracks: it needs --role region")
         return

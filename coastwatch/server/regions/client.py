@@ -22,7 +22,7 @@ from websockets.typing import Subprotocol
 from coastwatch.errors import AddressError
 from coastwatch.server.link import Backoff, Link, Reconnecting
 from coastwatch.server.regions.link import IN_FLIGHT, Incoming, Position
-from coastwatch.server.regions.message import LARGEST_MESSAGE, PROTOCOL, MessageError, RegionCycle, decode
+from coastwatch.server.regions.message import LARGEST_MESSAGE, PROTOCOLS, MessageError, RegionCycle, decode
 
 PATH = "/api/v1/tracks/stream"
 RETRY, CONNECT_S, CLOSE_S = Backoff(0.25, 5.0), 10.0, 2.0
@@ -171,7 +171,7 @@ class Connection(Link):
             context = ssl.create_default_context(cafile=self.address.ca_file)
         with connect(
             f"{self.address.url}{PATH}?{urlencode(query)}",
-            subprotocols=[Subprotocol(PROTOCOL)],
+            subprotocols=[Subprotocol(name) for name in PROTOCOLS],
             additional_headers={} if token is None else {"Authorization": f"Bearer {token}"},
             ssl=context,
             open_timeout=CONNECT_S,

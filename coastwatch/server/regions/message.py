@@ -1,4 +1,7 @@
-"""One cycle of a region's tracks as bytes, `coastwatch.tracks.v1`, and back: an npz archive of arrays without objects."""
+"""One cycle of a region's tracks as bytes, `coastwatch.tracks.v2`, and back: an npz archive of arrays without objects.
+
+Version 1 has no echoes. A centre of version 1 leaves the arrays that it does not know, so both versions have the same bytes.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import Batch, Bools, Floats, Ints, TrackReports, Tracks, column
+from coastwatch.batches import Batch, Bools, Floats, Ints, TrackReports, Tracks, column, optional_column
 
-PROTOCOL = "coastwatch.tracks.v1"
+PROTOCOL = "coastwatch.tracks.v2"
+PROTOCOLS = PROTOCOL, "coastwatch.tracks.v1"
+"""That are spoken, the newest first."""
+
+ECHOES = "echo_length_m", "echo_width_m", "echo_axis_deg"
 RUN_BITS, TRACK_BITS = 14, 48
 HEAD = "run", "seq", "time_s"
 LARGEST_MESSAGE = 1 << 27
@@ -31,6 +38,9 @@ class RegionTracks(Batch):
     position_deg: Floats = column(np.float64, "N", 2)
     velocity_m_s: Floats = column(np.float64, "N", 2)
     covariance: Floats = column(np.float64, "N", 4, 4)  # of east, north, east rate, north rate
+    echo_length_m: Floats = optional_column("N")  # NaN: not known, or of version 1, here and below
+    echo_width_m: Floats = optional_column("N")
+    echo_axis_deg: Floats = optional_column("N")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +69,9 @@ class RegionCycle:
             velocity_m_s=tracks.velocity_m_s,
             covariance=tracks.covariance,
             origin=np.full(n, -1, np.int64),
+            echo_length_m=tracks.echo_length_m,
+            echo_width_m=tracks.echo_width_m,
+            echo_axis_deg=tracks.echo_axis_deg,
         )
 
 
@@ -96,7 +109,8 @@ def decode(data: bytes) -> RegionCycle:
             arrays = {name: file[name] for name in wanted if name in file.files}
         run, seq, time_s = str(arrays["run"][()]), int(arrays["seq"]), float(arrays["time_s"])
         merged = int(arrays.get("merged", 0))  # a region of an older version merges none
-        tracks = RegionTracks(**{f.name: arrays[f.name] for f in fields(RegionTracks)})
+        names = [f.name for f in fields(RegionTracks) if f.name not in ECHOES or f.name in arrays]
+        tracks = RegionTracks(**{name: arrays[name] for name in names})
     except Exception as error:  # whatever zipfile and numpy raise on damaged bytes
         raise MessageError(f"damaged cycle of tracks: {type(error).__name__}: {error}") from error
     run_number(run)

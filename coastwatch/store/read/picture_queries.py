@@ -37,6 +37,7 @@ from coastwatch.store.schema.tables import (
 )
 
 STATIC = ("name", "call_sign", "ship_type", "length_m", "beam_m")
+ECHO = ("echo_length_m", "echo_width_m", "echo_axis_deg")
 COLUMNS = (
     "vessel_id",
     *MOTION,
@@ -49,9 +50,10 @@ COLUMNS = (
     "updated_s",
     *ELLIPSE,
     "existence",
+    *ECHO,
     "sources",
 )
-"""Of every picture; `existence` is null in a past one that was not recorded."""
+"""Of every picture; `existence` and those of the echo are null in a past one that was not recorded."""
 
 FEW = 1000
 """Up to this many vessels are looked up one by one; for more, whole tables of the run are read."""
@@ -157,7 +159,7 @@ def picture_of_cycle(
     time_s, first, recorded = connection.execute(query).one()
     if recorded and vessel_id is None:
         picture, _ = read_recorded(connection, run_id, cycle, bbox)
-        names = ["vessel_id", "mmsi", "nav_status", "flags", "time_s", "since_s", "updated_s", "existence"]
+        names = ["vessel_id", "mmsi", "nav_status", "flags", "time_s", "since_s", "updated_s", "existence", *ECHO]
         moved = motion(picture.velocity_m_s, picture.covariance)
         columns = dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))
         return _with_details(connection, run_id, cycle, columns | {name: getattr(picture, name) for name in names}, wanted)
@@ -179,7 +181,7 @@ def _from_recording(connection: Connection, run_id: int, cycle: int, bbox: Box |
     picture, _ = read_recorded(connection, run_id, cycle, bbox)
     own = {
         name: getattr(picture, name)
-        for name in ("vessel_id", "mmsi", "nav_status", "flags", "time_s", "since_s", "updated_s", "existence")
+        for name in ("vessel_id", "mmsi", "nav_status", "flags", "time_s", "since_s", "updated_s", "existence", *ECHO)
     }
     moved = motion(picture.velocity_m_s, picture.covariance)
     return {**own, **dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))}
@@ -229,8 +231,8 @@ def _position(points: Columns) -> Floats:
 
 def _with_details(connection: Connection, run_id: int, cycle: int | None, columns: Columns, wanted: Sequence[str]) -> Table:
     """The wanted columns, with vessel details from other tables. Args: cycle: None: now."""
-    if "existence" in wanted and "existence" not in columns:
-        columns = columns | {"existence": np.full(len(columns["vessel_id"]), np.nan)}
+    not_kept = [name for name in ("existence", *ECHO) if name in wanted and name not in columns]
+    columns = columns | {name: np.full(len(columns["vessel_id"]), np.nan) for name in not_kept}
     if set(STATIC) & set(wanted):
         columns = columns | _statics_of(connection, run_id, columns["mmsi"])
     if cycle is not None and "since_s" in wanted and "since_s" not in columns:

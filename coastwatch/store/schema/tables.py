@@ -35,7 +35,7 @@ from sqlalchemy.types import TypeEngine
 T = TypeVar("T")
 Kind = TypeEngine[T] | type[TypeEngine[T]]
 
-REVISION = "0024"
+REVISION = "0025"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -177,6 +177,7 @@ VESSEL = Table(
     *nullable(WHOLE, "nav_status"),  # batches.NavStatus; null: none was sent
     *nullable(REAL, "interval_s"),  # expected between its AIS reports, by class, status and speed, or learnt; null: no AIS now
     *nullable(REAL, "existence"),  # probability that it exists; null: no tracker estimates it
+    *nullable(REAL, "echo_length_m", "echo_width_m", "echo_axis_deg"),  # size and direction by radar video; null: not known
     sqlite_with_rowid=False,
 )
 """The current picture: each vessel once. All rows are written again each time, with the row of `cycle` that names the run:
@@ -409,6 +410,7 @@ RECORDING = of_run(  # not in key order: SQLite keeps long rows better apart fro
     *required(BYTES, "vessel_id", "time_s", "position_deg", "velocity_m_s", "covariance", "since_s", "updated_s"),
     *required(BYTES, "mmsi", "flags", "origin", "member_vessel_id", "member_track_id", "member_source"),
     *nullable(BYTES, "nav_status", "existence"),  # null: of a version that did not have it
+    *nullable(BYTES, "echo_length_m", "echo_width_m", "echo_axis_deg"),  # the same
     in_key_order=False,
 )
 """The whole picture of a cycle with its members: one compressed value for each column (recording.py)."""

@@ -62,6 +62,9 @@ def vessel_rows(run_id: int, picture: Picture, sources: Categorical, interval_s:
         NullableId(picture.nav_status),
         interval_s,
         picture.existence,
+        picture.echo_length_m,
+        picture.echo_width_m,
+        picture.echo_axis_deg,
     ]
 
 
