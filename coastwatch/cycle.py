@@ -35,7 +35,7 @@ from coastwatch.regional import RegionMemory, reports_of_regions, start_region, 
 from coastwatch.registration import RegistrationInput, RegistrationMemory
 from coastwatch.scenario import Scenario
 from coastwatch.stage import Map, RegionMap, Running, serial_regions
-from coastwatch.tracks import AisInput, AisMemory, BearingInput, BearingMemory, ReceivedInput, ReceivedMemory
+from coastwatch.tracks import AisInput, AisMemory, Antennas, BearingInput, BearingMemory, ReceivedInput, ReceivedMemory
 from coastwatch.tracks.bearing_vessels import expected_vessels
 
 LEFT_OUT = {
@@ -55,6 +55,7 @@ class Memory:
     """
 
     regions: tuple[RegionMemory, ...]  # or what stands for it while a worker keeps it
+    ais_positions: Antennas
     ais_tracks: AisMemory
     bearing_tracks: BearingMemory
     received_tracks: ReceivedMemory
@@ -78,6 +79,7 @@ def start_run(scenario: Scenario, sensors: Sensors) -> Memory:
     s = scenario
     return Memory(
         tuple(start_region(s) for _ in sensors.region_names),
+        s.ais_positions.init(),
         s.ais_tracks.init(),
         s.bearing_tracks.init(),
         s.received_tracks.init(),
@@ -134,7 +136,8 @@ def run_cycle(
     s, m = scenario, memory
     reports, beyond = limits.reports_within(reports)
     with timer("ais_tracks"):
-        heard = AisInput(reports.ais, time_s, sensors)
+        antennas, of_hulls = s.ais_positions.step(m.ais_positions, (reports.ais, reports.statics, time_s))
+        heard = AisInput(of_hulls, time_s, sensors)
         ais_memory, (ais_tracks, alarms, ais_taken) = s.ais_tracks.step(m.ais_tracks, heard)
     with timer("tracks"):
         messages = [s.tracks.messages_of(ais_taken, ais_tracks, sensors, k) for k in range(len(sensors.region_names))]
@@ -202,6 +205,7 @@ def run_cycle(
     )
     after = Memory(
         regions=regional_memory,
+        ais_positions=antennas,
         ais_tracks=ais_memory,
         bearing_tracks=bearing_memory,
         received_tracks=received_memory,

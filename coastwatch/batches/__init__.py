@@ -35,6 +35,7 @@ from coastwatch.batches.reports import (
 from coastwatch.batches.sensors import (
     ID_STRIDE,
     Radars,
+    Rings,
     Sensors,
     Sonars,
     SourceKind,
@@ -128,6 +129,7 @@ __all__ = [
     "RegistrationState",
     "ReportStream",
     "Reports",
+    "Rings",
     "Rows",
     "SensorHearing",
     "Sensors",

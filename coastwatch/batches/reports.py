@@ -49,6 +49,7 @@ class AisReports(Batch):
     accuracy: Ints = optional_column("M", dtype=np.int64)  # PositionAccuracy; -1: not stated
     covariance: Floats = optional_column("M", 2, 2)  # of this position, m2 east and north; NaN: by its accuracy
     feed: Ints = optional_column("M", dtype=np.int64)  # which feed it came by; -1: the only one
+    heading_deg: Floats = optional_column("M")  # true, of the bow; NaN: not available
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,12 @@ class AisStatics(Batch):
     ship_type: Ints = column(np.int64, "M")  # ITU-R M.1371 code; -1 not available
     length_m: Floats = column(np.float64, "M")
     beam_m: Floats = column(np.float64, "M")
+    to_bow_m: Floats = optional_column(
+        "M"
+    )  # from the antenna, here and below; 0 to bow and to port: it is not said where it is
+    to_stern_m: Floats = optional_column("M")
+    to_port_m: Floats = optional_column("M")
+    to_starboard_m: Floats = optional_column("M")
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,9 @@ import numpy as np
 from coastwatch.batches.struct import Batch, column, optional_column
 from coastwatch.kernels.arrays import Array, Floats, Ints
 
+Rings = tuple[tuple[tuple[float, float], ...], ...]
+"""Rings of corners, latitude and longitude in degrees. A lake is a ring inside another one."""
+
 ID_STRIDE = 2**40
 """A track id is the number of its source times this, plus a number of its own that is never reused."""
 
@@ -75,6 +78,7 @@ class Sensors:
     region_names: tuple[str, ...]
     region_origin_deg: Floats  # (regions, 2)
     track_sources: TrackSources = field(default_factory=TrackSources.empty)
+    land_deg: Rings = ()  # around the radars, where nothing is looked for in their video
 
     @property
     def ais_source(self) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from coastwatch.batches import Array, Floats, Ints
-from coastwatch.operators.coastline import OFFSET_DEG, SCALE_DEG, TURN_STEPS, areas, polygons
+from coastwatch.formats.coastline import OFFSET_DEG, SCALE_DEG, TURN_STEPS, areas, polygons
 
 MOST_ZOOM = 8
 """Tiles of the greatest zoom have corners to 19 m at the equator; the map enlarges them beyond it."""

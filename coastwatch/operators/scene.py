@@ -10,9 +10,9 @@ import numpy as np
 from coastwatch import store
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Array, Bools, Floats, Ints
 from coastwatch.errors import InputError
+from coastwatch.formats import coastline
+from coastwatch.formats.coastline import Shore
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg, scale_m_deg, wrap_deg
-from coastwatch.operators import coastline
-from coastwatch.operators.coastline import Shore
 from coastwatch.operators.presentation import Run, ending, utc_text
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import printable

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -21,26 +23,36 @@ from coastwatch.batches import Sensors
 from coastwatch.cover import LearntCover, RadarCoverage, UsualPauses
 from coastwatch.errors import InputError
 from coastwatch.fused_tracks import CentralImm, Fuser
+from coastwatch.geodesy import scale_m_deg
 from coastwatch.picture import Identity
 from coastwatch.plots import CfarExtraction, PlotConverter, PlotExtractor, PolarConversion
 from coastwatch.registration import OnlineRegistration, Registrar
 from coastwatch.scenario.sites import Area, Name, Radar, Sonar, Station, TrackSource, sensors_of
 from coastwatch.sensors import Feed, Tables, VideoFiles
+from coastwatch.shipped import scenarios_folder
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
 from coastwatch.stage import Count, CountOrZero, Method, NotNegative, Plan, Positive, Settings
 from coastwatch.tracks import (
     AisDeadReckoning,
     AisFilter,
+    AisPositions,
     AisTracker,
     BearingTracker,
     BearingWindow,
     ConstantVelocity,
+    HullMiddle,
     RadarTracker,
     ReceivedTracks,
     TableTracker,
     TrackAligner,
     TrackReceiver,
 )
+
+OWN = "own"
+"""As `coastline`: that in the folder of the shipped scenario."""
+
+BEYOND_RANGE_M = 1000.0
+"""Of radars, in which land is known too."""
 
 MOST_CYCLES = 100_000_000
 """Ten years of cycles of 3 s."""
@@ -120,10 +132,14 @@ class Scenario(Settings):
     sonars: tuple[Sonar, ...] = ()
     track_sources: tuple[TrackSource, ...] = ()
     zones: tuple[Zone, ...] = ()
+    coastline: str = ""
+    """Land in which no radar looks for ships in its video: a GeoJSON file, "own" (coastline.geojson of the shipped scenario) or
+    "natural_earth", right to about 500 m; empty: none."""
     input: Feed
     extraction: PlotExtractor = CfarExtraction()
     plots: PlotConverter = PolarConversion()
     tracks: RadarTracker = TableTracker(method="guided_vimmjipda")
+    ais_positions: AisPositions = HullMiddle()
     ais_tracks: AisTracker = AisFilter()
     bearing_tracks: BearingTracker = BearingWindow()
     received_tracks: TrackReceiver = ReceivedTracks()
@@ -208,7 +224,7 @@ class Scenario(Settings):
         """
         moving = [r.name for r in self.radars if r.latitude_deg is None]
         if not moving:
-            return sensors_of(self.radars, self.stations, self.sonars, self.track_sources)
+            return self._with_land(sensors_of(self.radars, self.stations, self.sonars, self.track_sources))
         places = self.input.first_sites() if isinstance(self.input, Tables) else {}
         lost = [name for name in moving if not places or (name not in places and len(self.radars) > 1)]
         if lost:
@@ -222,7 +238,25 @@ class Scenario(Settings):
             latitude, longitude = places.get(radar.name, only)
             update = {"latitude_deg": latitude, "longitude_deg": longitude} if radar.name in moving else {}
             placed.append(radar.model_copy(update=update))
-        return sensors_of(placed, self.stations, self.sonars, self.track_sources)
+        return self._with_land(sensors_of(placed, self.stations, self.sonars, self.track_sources))
+
+    def _with_land(self, sensors: Sensors) -> Sensors:
+        """The sensors with the land around the radars. Raises: InputError that names the file of the coastline."""
+        if not self.coastline or not len(sensors.radars):
+            return sensors
+        from coastwatch.formats import coastline  # here: only a run with land needs its 30 MB
+
+        path = scenarios_folder() / self.name / "coastline.geojson" if self.coastline == OWN else Path(self.coastline)
+        if self.coastline != coastline.NATURAL and not path.is_file():
+            raise InputError(
+                f"coastline: got {str(path)!r}, which is no file, needed GeoJSON, {OWN!r} or {coastline.NATURAL!r}"
+            )
+        site_deg, reach_m = sensors.radars.site_deg, sensors.radars.range_m + BEYOND_RANGE_M
+        scale_north, scale_east = scale_m_deg(site_deg[:, 0])
+        low = site_deg - np.column_stack([reach_m / scale_north, reach_m / scale_east])
+        high = 2.0 * site_deg - low
+        box = float(low[:, 0].min()), float(low[:, 1].min()), float(high[:, 0].max()), float(high[:, 1].max())
+        return replace(sensors, land_deg=coastline.rings_within(path, box))
 
     @property
     def warmup_cycles(self) -> int:

@@ -9,6 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 from coastwatch.tracks.ais.ais_filter import AisFilter
+from coastwatch.tracks.ais.antenna import Antennas, HullMiddle
 from coastwatch.tracks.ais.dead_reckoning import AisDeadReckoning
 from coastwatch.tracks.ais.out_of_sequence import Memory as AisMemory
 from coastwatch.tracks.alignment import ConstantVelocity
@@ -22,6 +23,7 @@ from coastwatch.tracks.radar.tracker import TableTracker
 from coastwatch.tracks.received import ReceivedMemory, ReceivedTracks
 
 RadarTracker = Annotated[TableTracker | MultiHypothesisLiteral, Field(discriminator="method")]
+AisPositions = Annotated[HullMiddle, Field()]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
 BearingTracker = Annotated[BearingWindow, Field()]
 TrackAligner = Annotated[ConstantVelocity, Field()]
@@ -33,13 +35,16 @@ __all__ = [
     "AisInput",
     "AisMemory",
     "AisOutput",
+    "AisPositions",
     "AisTracker",
+    "Antennas",
     "BearingInput",
     "BearingMemory",
     "BearingTracker",
     "BearingWindow",
     "ConstantVelocity",
     "ForestMemory",
+    "HullMiddle",
     "MultiHypothesisLiteral",
     "RadarMemory",
     "RadarTracker",

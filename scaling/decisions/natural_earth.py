@@ -25,7 +25,7 @@ from matplotlib.path import Path as Outline
 from scipy.spatial import cKDTree
 
 from coastwatch.batches import Array
-from coastwatch.operators.coastline import NATURAL_EARTH, OFFSET_DEG, SCALE_DEG, TURN_STEPS, areas
+from coastwatch.formats.coastline import NATURAL_EARTH, OFFSET_DEG, SCALE_DEG, TURN_STEPS, areas
 
 POINTS = Path(__file__).parents[2] / "tests" / "worlds" / "natural_earth_points.csv"
 BEYOND_STEPS = 6000  # 21.6 degrees

@@ -71,6 +71,8 @@ def check(sentences: list[bytes]) -> int:
             assert rows.sog_kn[k] == said.speed or (kind == 27 and said.speed == 63 and math.isnan(rows.sog_kn[k]))
             assert rows.cog_deg[k] == said.course
             assert rows.second[k] == (-1 if kind == 27 else said.second)
+            unknown = kind == 27 or said.heading is None or said.heading >= 360
+            assert math.isnan(rows.heading_deg[k]) if unknown else rows.heading_deg[k] == said.heading
             assert rows.class_b[k] == (kind in (18, 19))
             assert rows.nav_status[k] == (-1 if kind in (18, 19) else int(said.status))
             monitored = bool(getattr(said, "raim", False)) and kind != 19
@@ -89,6 +91,10 @@ def check(sentences: list[bytes]) -> int:
             for got, names in ((statics.length_m[k], ("to_bow", "to_stern")), (statics.beam_m[k], ("to_port", "to_starboard"))):
                 needed = sum(getattr(said, name, 0) or 0 for name in names)
                 assert got == needed if needed else math.isnan(got)
+            sides = "bow", "stern", "port", "starboard"
+            antenna = [getattr(statics, f"to_{side}_m")[k] for side in sides]
+            stated = [getattr(said, f"to_{side}", 0) or 0 for side in sides]
+            assert np.isnan(antenna).all() if math.isnan(statics.length_m[k]) else antenna == stated
         compared += said is not None
     return compared
 

@@ -143,8 +143,9 @@ def test_a_vessel_keeps_its_track_number_while_others_come_and_go() -> None:
     assert first == {0, 1, 2, 3}
 
 
-def test_the_formats_open_no_socket_and_no_file() -> None:
+def test_the_formats_open_no_socket_and_no_file_but_that_of_land() -> None:
     texts = {path.name: path.read_text("utf-8") for path in Path(coastwatch.formats.__path__[0]).rglob("*.py")}
+    del texts["coastline.py"]
     assert len(texts) > 10
     wrong = [name for name, text in texts.items() if "import socket" in text or "pathlib" in text or "open(" in text]
     assert wrong == []

@@ -14,8 +14,9 @@ from matplotlib.path import Path as Outline
 
 from coastwatch.batches import Flag, Floats
 from coastwatch.errors import InputError
+from coastwatch.formats import coastline
 from coastwatch.geodesy import offset_deg, wrap_deg
-from coastwatch.operators import coastline, plot, scene
+from coastwatch.operators import plot, scene
 
 pytestmark = pytest.mark.contract
 

@@ -18,7 +18,8 @@ from matplotlib.path import Path as Outline
 from PIL import Image
 from server_world import Served
 
-from coastwatch.operators import coastline, land_tiles
+from coastwatch.formats import coastline
+from coastwatch.operators import land_tiles
 from coastwatch.operators.api.application import WEB
 from scaling.page.fleet import served_fleet
 

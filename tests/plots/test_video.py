@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import video_textbook
@@ -226,6 +228,15 @@ def test_what_did_not_come_of_a_spoke_is_not_looked_at():
     assert len(found) == 0
 
 
+def test_nothing_is_found_on_the_land_of_the_sensors():
+    level = sea(600, 80, 7)
+    everywhere = offset_deg(SITE, np.array([[-2e3, -2e3], [2e3, -2e3], [2e3, 2e3], [-2e3, 2e3]]))
+    land = replace(radars(), land_deg=(tuple(map(tuple, everywhere.tolist())),))
+    assert len(plots_of(CfarExtraction(), video(level), radars())[1]) > 3
+    assert len(plots_of(CfarExtraction(), video(level), land)[1]) == 0
+
+
+@pytest.mark.contract
 def test_the_checkpoint_of_a_radar_is_small():
     rng = np.random.default_rng(9)
     level = rng.integers(10, 40, (4096 + 200, 2048)).astype(np.uint8)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Annotated, Literal, TypeVar
 
@@ -86,6 +86,7 @@ class AisRows(Batch):
     accuracy: Ints = optional_column("M", dtype=np.int64)
     covariance: Floats = optional_column("M", 2, 2)
     station: Ints = optional_column("M", dtype=np.int64)  # StationKind
+    heading_deg: Floats = optional_column("M")  # of the bow; what is no direction counts as not available
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,6 +192,7 @@ class Acceptance:
             accuracy=rows.accuracy,
             covariance=rows.covariance,
             feed=np.full(len(rows), self._feed, np.int64),
+            heading_deg=np.where(_within(rows.heading_deg, 360.0), rows.heading_deg, np.nan),
         )
 
     def _static_data(self, static_rows: StaticRows, received: Floats, statics: AisStatics) -> AisStatics:
@@ -204,7 +206,7 @@ class Acceptance:
             )
             good &= ~mask
         kept = statics.take(static_rows.static[good])
-        return AisStatics(received[good], kept.mmsi, kept.name, kept.call_sign, kept.ship_type, kept.length_m, kept.beam_m)
+        return replace(kept, received_s=received[good])
 
 
 def _sorted(reports: Timed) -> Timed:

@@ -40,7 +40,7 @@ CLOCKS = b"ZDA", b"RMC"
 FAR_CLOCK = "clock sentence far from the clock of this machine, time of arrival taken"
 
 TWICE_WITHIN_S = AisIntake().duplicate_within_s
-NO_COURSE, NO_SPEED, NO_STATUS = 360.0, 102.3, 15
+NO_COURSE, NO_SPEED, NO_STATUS, NO_HEADING = 360.0, 102.3, 15, 511
 
 
 class _Sender:
@@ -242,7 +242,7 @@ def encode(reports: Reports, names: SensorNames) -> list[bytes]:
 
 def _position_lines(reports: AisReports) -> Iterator[bytes]:
     columns = (reports.received_s, reports.time_s, reports.mmsi, *reports.position_deg.T, reports.sog_kn, reports.cog_deg)
-    of_class, status = reports.class_b.tolist(), reports.nav_status.tolist()
+    of_class, status, heading = reports.class_b.tolist(), reports.nav_status.tolist(), reports.heading_deg.tolist()
     for k, (received_s, time_s, mmsi, latitude, longitude, sog, cog) in enumerate(
         zip(*(c.tolist() for c in columns), strict=True)
     ):
@@ -253,6 +253,7 @@ def _position_lines(reports: AisReports) -> Iterator[bytes]:
             "lon": longitude,
             "speed": NO_SPEED if math.isnan(sog) else min(sog, 102.2),
             "course": NO_COURSE if math.isnan(cog) else cog % 360.0,
+            "heading": NO_HEADING if math.isnan(heading[k]) else round(heading[k]) % 360,
             "second": int(time_s) % 60,
         }
         if not of_class[k]:
@@ -262,17 +263,20 @@ def _position_lines(reports: AisReports) -> Iterator[bytes]:
 
 def _static_lines(statics: AisStatics) -> Iterator[bytes]:
     for k in range(len(statics)):
-        length, beam = (0.0 if math.isnan(x) else float(x) for x in (statics.length_m[k], statics.beam_m[k]))
+        length, beam = (0 if math.isnan(x) else int(x) for x in (statics.length_m[k], statics.beam_m[k]))
+        middle = length - length // 2, length // 2, beam - beam // 2, beam // 2
+        stated = statics.to_bow_m[k], statics.to_stern_m[k], statics.to_port_m[k], statics.to_starboard_m[k]
+        bow, stern, port, starboard = middle if np.isnan(stated).any() else map(int, stated)
         message = {
             "msg_type": 5,
             "mmsi": int(statics.mmsi[k]),
             "shipname": str(statics.name[k]),
             "callsign": str(statics.call_sign[k]),
             "ship_type": max(int(statics.ship_type[k]), 0),
-            "to_bow": int(length) - int(length) // 2,
-            "to_stern": int(length) // 2,
-            "to_port": int(beam) - int(beam) // 2,
-            "to_starboard": int(beam) // 2,
+            "to_bow": bow,
+            "to_stern": stern,
+            "to_port": port,
+            "to_starboard": starboard,
         }
         yield from _sentences(message, float(statics.received_s[k]))
 

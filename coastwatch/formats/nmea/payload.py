@@ -34,6 +34,7 @@ WHERE: dict[str, tuple[int, int, int]] = {  # first bit of a field: class A, cla
     "lon": (61, 57, 44),
     "lat": (89, 85, 62),
     "cog": (116, 112, 85),
+    "heading": (128, 124, 0),
     "second": (137, 133, 0),
     "status": (38, 0, 40),
     "accurate": (60, 56, 38),
@@ -111,6 +112,7 @@ def _positions(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> Ais
         "lon": (28, 28, 18),
         "lat": (27, 27, 17),
         "cog": (12, 12, 9),
+        "heading": (9, 9, 0),
         "second": (6, 6, 0),
         "status": (4, 0, 4),
         "accurate": (1, 1, 1),
@@ -142,6 +144,7 @@ def _positions(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> Ais
         class_b=form == 1,
         digest=digest[rows],
         nav_status=np.where(form == 1, -1, raw["status"]),
+        heading_deg=np.where(far | (raw["heading"] >= 360), np.nan, raw["heading"]),
         accuracy=np.where(raw["accurate"] == 1, PositionAccuracy.HIGH, np.where(monitored, PositionAccuracy.LOW, 0)),
     )
 
@@ -175,6 +178,7 @@ def _statics(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> tuple
             size[mine] = np.stack([bits(some, start, width) for start, width in at], axis=-1)
     size[part_b & (mmsi // 10_000_000 == 98)] = 0  # a craft of a mother ship has the mother's MMSI there
     length, beam = (size[:, k] + size[:, k + 1] for k in (0, 2))
+    of_antenna = np.where((length > 0)[:, None], size, np.nan).T
     statics = AisStatics(
         received_s=messages.stamp_s[rows],
         mmsi=mmsi,
@@ -183,6 +187,10 @@ def _statics(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> tuple
         ship_type=np.where((type_ >= FIRST_SHIP_TYPE) & (type_ <= LAST_SHIP_TYPE), type_, -1),
         length_m=np.where(length > 0, length, np.nan),
         beam_m=np.where(beam > 0, beam, np.nan),
+        to_bow_m=of_antenna[0],
+        to_stern_m=of_antenna[1],
+        to_port_m=of_antenna[2],
+        to_starboard_m=of_antenna[3],
     )
     number = np.arange(n, dtype=np.int64)
     return statics, StaticRows(messages.line[rows], messages.stamp_s[rows], digest[rows], number)

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Array, Floats
+from coastwatch.batches import Array, Floats, Rings
 from coastwatch.geodesy import to_plane
 from coastwatch.stage import Latitude, Longitude, NotNegative, Settings
 
@@ -31,12 +31,11 @@ class Masks(Settings):
     """Where nothing is looked for."""
 
     sectors: tuple[Sector, ...] = ()  # parts of discs
-    land_deg: tuple[tuple[tuple[Latitude, Longitude], ...], ...] = ()  # rings of corners, latitude and longitude, of land
+    land_deg: tuple[tuple[tuple[Latitude, Longitude], ...], ...] = ()  # rings of corners of land, latitude and longitude
 
-    def of(self, radar: str) -> tuple[Sector, ...] | None:
-        """The sectors of a radar; none where it has no mask at all."""
-        sectors = tuple(sector for sector in self.sectors if sector.radar in ("", radar))
-        return sectors if sectors or self.land_deg else None
+    def of(self, radar: str) -> tuple[Sector, ...]:
+        """The sectors of a radar."""
+        return tuple(sector for sector in self.sectors if sector.radar in ("", radar))
 
 
 class Scale(NamedTuple):
@@ -47,9 +46,6 @@ class Scale(NamedTuple):
     cells: int
     beam_rad: float
     pulse_m: float
-
-
-Rings = tuple[tuple[tuple[float, float], ...], ...]
 
 
 @lru_cache(maxsize=16)

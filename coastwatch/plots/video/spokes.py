@@ -12,7 +12,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Extractions, Floats, Ints, RadarReports, RadarVideo, Sensors, Struct, Videos, column
+from coastwatch.batches import (
+    Array,
+    Extractions,
+    Floats,
+    Ints,
+    RadarReports,
+    RadarVideo,
+    Rings,
+    Sensors,
+    Struct,
+    Videos,
+    column,
+)
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.plots.video.masks import Masks, Scale, mask_of
@@ -98,13 +110,14 @@ class VideoRadar(NamedTuple):
     blind_m: float
     db_per_level: float  # after linear video is brought to levels of half a decibel
     is_linear: bool
+    land_deg: Rings  # in which nothing is looked for, beside that of the masks
 
     @classmethod
     def of(cls, sensors: Sensors, radar: int) -> VideoRadar:
         """This radar by its specification."""
         r = sensors.radars
         beam, pulse, blind, step = (float(column[radar]) for column in (r.beam_rad, r.pulse_m, r.blind_m, r.db_per_level))
-        return cls(radar, str(r.name[radar]), beam, pulse, blind, step or LINEAR_DB, step == 0.0)
+        return cls(radar, str(r.name[radar]), beam, pulse, blind, step or LINEAR_DB, step == 0.0, sensors.land_deg)
 
 
 def pulse_cells(radar: VideoRadar, video: RadarVideo) -> int:
@@ -223,7 +236,8 @@ def _appended(m: SpokeMemory, video: RadarVideo, radar: VideoRadar, detection: D
 def _masked(mask_deg: Floats, video: RadarVideo, radar: VideoRadar, masks: Masks) -> tuple[Floats, Array]:
     """Where the antenna was when the mask was made, and the mask of each spoke, with what did not come. (2,), (S, C)"""
     clipped, sectors = np.zeros(video.level.shape, np.uint8), masks.of(radar.name)
-    if sectors is None:
+    land_deg = (*radar.land_deg, *masks.land_deg)
+    if not (sectors or land_deg):
         return mask_deg, _without_missing(clipped, video)
     scale, at = Scale(video.first_m, video.cell_m, video.level.shape[1], radar.beam_rad, radar.pulse_m), 0
     while at < len(video):
@@ -233,7 +247,7 @@ def _masked(mask_deg: Floats, video: RadarVideo, radar: VideoRadar, masks: Masks
             mask_deg = video.site_deg[at].copy()
             moved = np.hypot(*difference_m(video.site_deg[at:], mask_deg).T) > REMASK_M
         end = at + int(moved.argmax()) if moved.any() else len(video)
-        mask = mask_of(sectors, masks.land_deg, (float(mask_deg[0]), float(mask_deg[1])), scale)
+        mask = mask_of(sectors, land_deg, (float(mask_deg[0]), float(mask_deg[1])), scale)
         clipped[at:end] = mask[(video.azimuth_rad[at:end] % TURN_RAD / TURN_RAD * len(mask)).astype(np.int64) % len(mask)]
         at = end
     return mask_deg, _without_missing(clipped, video)

@@ -12,7 +12,7 @@ from typing import Any, TypedDict
 import numpy as np
 import shapely
 
-from coastwatch.batches import Array, Floats
+from coastwatch.batches import Array, Floats, Rings
 from coastwatch.errors import InputError
 
 NATURAL_EARTH = Path(__file__).with_name("natural_earth_land.npz")
@@ -20,6 +20,9 @@ NATURAL_EARTH = Path(__file__).with_name("natural_earth_land.npz")
 
 SCALE_DEG, OFFSET_DEG = np.array([0.0016885772698826986, 0.0036000360003600037]), np.array([-85.22193775799991, -180.0])
 """Degrees of latitude and longitude of a step, and of step 0."""
+
+NATURAL = "natural_earth"
+"""In place of a file: the land of Natural Earth."""
 
 TURN_STEPS = 99_999
 """Steps of longitude around the globe."""
@@ -74,6 +77,21 @@ def natural_earth(south: float, west: float, north: float, east: float) -> tuple
             for part in areas(joined)
         )
     )
+
+
+def rings_within(path: str | Path, south_west_north_east: tuple[float, float, float, float]) -> Rings:
+    """Rings of land and of lakes in it that reach into a rectangle, as corners of latitude and longitude, for masks.
+
+    Args: path: a GeoJSON file, or NATURAL; degrees, west and east continuous. Raises: InputError that names the file.
+    """
+    south, west, north, east = south_west_north_east
+    shores = natural_earth(south, west, north, east) if str(path) == NATURAL else read(path)[0]
+    rings = []
+    for corners in (ring for shore in shores if shore.closed for ring in (shore.position_deg, *shore.lakes_deg)):
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        if low[0] <= north and high[0] >= south and low[1] <= east and high[1] >= west:
+            rings.append(tuple((float(latitude), float(longitude)) for latitude, longitude in corners.tolist()))
+    return tuple(rings)
 
 
 def areas(geometries: Array) -> Array:
