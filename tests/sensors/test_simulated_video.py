@@ -124,3 +124,22 @@ def test_legs_turn_a_ship_and_come_again():
     _, velocity = motion.state(row, np.array([10.0, 600.0]))
     course = np.degrees(np.arctan2(velocity[:, 0], velocity[:, 1]))
     assert (course[1] - course[0]) % 360.0 == pytest.approx(45.0, abs=0.5)
+
+
+def test_the_ais_of_a_ship_comes_from_its_antenna_with_heading_and_size():
+    at = offset_deg(SITE, np.array([900.0, 900.0]))
+    moored = (
+        f"[{{latitude_deg = {at[0]}, longitude_deg = {at[1]}, course_deg = 90.0, length_m = 300.0, width_m = 42.0, "
+        "antenna_m = -130.0}]"
+    )
+    ais = "{share = 1.0, position_sigma_m = 0.0, wire_steps = false, static_within_s = 0.0, interval_s = 1.0}"
+    recording, scenario = recorded(8, input__ships=moored, input__ais=ais, cycles=5)
+    start_s = scenario.plan().start_s
+    arrived = recording.reports.between(-np.inf, start_s + 2.0 * scenario.plan().period_s)
+    assert len(arrived.ais) >= 3
+    np.testing.assert_allclose(to_plane(arrived.ais.position_deg, SITE), [[770.0, 900.0]] * len(arrived.ais), atol=0.1)
+    np.testing.assert_allclose(arrived.ais.heading_deg, 90.0)
+    sides = [getattr(arrived.statics, f"to_{side}_m").tolist() for side in ("bow", "stern", "port", "starboard")]
+    assert sides == [[280.0], [20.0], [21.0], [21.0]]
+    assert len(recording.beside.ais) > len(arrived.ais)
+    assert len(recorded(8)[0].beside) == 0

@@ -6,16 +6,20 @@ set here.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Array, Fault, FileContent, Floats, RadarVideo, Recording, Reports, Sensors, Videos
+from coastwatch.batches import Array, Fault, FileContent, Floats, Ints, RadarVideo, Recording, Reports, Sensors, Videos
 from coastwatch.errors import InputError
-from coastwatch.geodesy import KNOT_M_S, from_plane, to_plane
+from coastwatch.geodesy import KNOT_M_S, from_plane, offset_deg, to_plane
+from coastwatch.kernels.tables.lookup import row_of
+from coastwatch.sensors.simulated.ais import AisTruth, transmit, transponders
 from coastwatch.sensors.simulated.echoes import TURN_RAD, Disc, Hulls, Power, Rain, add_ships, background
 from coastwatch.sensors.simulated.simulation import inside
+from coastwatch.sensors.simulated.static_data import transmit_static_data
 from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, advanced
 from coastwatch.stage import Latitude, Longitude, Method, NotNegative, Plan, Positive, Settings, Share
 
@@ -44,6 +48,7 @@ class Ship(Settings):
     legs: tuple[Leg, ...] = ()  # one after the other, again and again; none: straight on
     length_m: Positive = 32.0
     width_m: Positive = 11.0
+    antenna_m: Annotated[float, Field(ge=-250.0, le=250.0)] = 0.0  # of its AIS, before the middle; negative: aft
 
 
 class SimulatedVideo(Method):
@@ -58,7 +63,9 @@ class SimulatedVideo(Method):
     cells: Annotated[int, Field(ge=8, le=65_536)] = 1024  # whole number in the range of the radar
     power: Power = Power()  # strengths of echoes
     rain: tuple[Rain, ...] = ()  # showers
-    land_deg: tuple[tuple[tuple[Latitude, Longitude], ...], ...] = ()  # rings of corners, latitude and longitude, of land
+    land_deg: tuple[tuple[tuple[Latitude, Longitude], ...], ...] = ()
+    """Rings of corners, latitude and longitude, of land; none: the land of `coastline`."""
+    ais: AisTruth = AisTruth(share=0.0)  # which ships carry AIS, and what is received; headings and sizes are true
     lost_share: Share = 0.0  # of the spokes
     jitter_deg: NotNegative = 0.0  # most by which a spoke is off its azimuth
 
@@ -69,7 +76,42 @@ class SimulatedVideo(Method):
         start_s, stop_s = plan.start_s, plan.instant_s(plan.cycles - 1)
         vessels = motion_of(self.ships, start_s, stop_s - start_s)
         instants = np.array([start_s, *(plan.instant_s(c) for c in range(plan.cycles))])
-        return Recording(VideoStream(self, sensors, vessels, seed, (start_s, stop_s)), vessels.sampled(instants))
+        others = self._of_ais(sensors, vessels, seed, (start_s, stop_s))
+        stream = VideoStream(self, sensors, vessels, seed, (start_s, stop_s), others)
+        return Recording(stream, vessels.sampled(instants), beside=others)
+
+    def _of_ais(self, sensors: Sensors, vessels: PiecewiseMotion, seed: int, span_s: tuple[float, float]) -> Reports:
+        """The AIS of a run. Positions are those of antennas."""
+        ships, empty = self.ships, Reports.empty()
+        senders = transponders(self.ais, len(ships), seed)
+        if not len(senders.row):
+            return empty
+        before_m = np.array([ship.antenna_m for ship in ships])
+        length_m, width_m = np.array([[ship.length_m, ship.width_m] for ship in ships]).T
+
+        def of_antenna(row: Ints, time_s: Floats) -> tuple[Floats, Floats]:
+            position, velocity = vessels.state(row, time_s)
+            heading = _headings(ships, row, velocity)
+            ahead = before_m[row, None] * np.column_stack([np.sin(heading), np.cos(heading)])
+            return offset_deg(position, ahead), velocity
+
+        ais = transmit(self.ais, senders, sensors.stations, of_antenna, *span_s, seed)
+        heading = np.degrees(_headings(ships, ais.origin, vessels.state(ais.origin, ais.time_s)[1])) % 360.0
+        statics = transmit_static_data(self.ais, senders, ais.mmsi, *span_s, seed)
+        ship = senders.row[row_of(senders.mmsi, statics.mmsi)]
+        return replace(
+            empty,
+            ais=replace(ais, heading_deg=heading),
+            statics=replace(
+                statics,
+                length_m=length_m[ship],
+                beam_m=width_m[ship],
+                to_bow_m=0.5 * length_m[ship] - before_m[ship],
+                to_stern_m=0.5 * length_m[ship] + before_m[ship],
+                to_port_m=0.5 * width_m[ship],
+                to_starboard_m=0.5 * width_m[ship],
+            ),
+        )
 
     def span(self) -> tuple[float, float]:
         """Never returns: a simulation has no start of its own. Raises: InputError."""
@@ -124,8 +166,16 @@ class VideoStream:
     """The video of simulated radars, one turn after the other. The first turn of each begins with the run."""
 
     def __init__(
-        self, settings: SimulatedVideo, sensors: Sensors, vessels: PiecewiseMotion, seed: int, span_s: tuple[float, float]
+        self,
+        settings: SimulatedVideo,
+        sensors: Sensors,
+        vessels: PiecewiseMotion,
+        seed: int,
+        span_s: tuple[float, float],
+        others: Reports,
     ) -> None:
+        """Args: others: that come beside the video."""
+        self._others = others
         self._settings, self._sensors, self._vessels, self._seed, self._span_s = settings, sensors, vessels, seed, span_s
         self._discs = [_disc(settings, sensors, radar) for radar in range(len(sensors.radars))]
         self._newest: dict[int, tuple[int, RadarVideo]] = {}
@@ -139,7 +189,7 @@ class VideoStream:
             end = int((min(until_s, stop_s) - start_s) // period_s) + 1
             turns = (self._turn(_Turn(radar, number)) for number in range(first, end))
             parts.append(Videos(tuple(turns)).between(after_s, min(until_s, stop_s)))
-        return Reports.merged([Reports.empty(), *(_of_video(part) for part in parts)])
+        return Reports.merged([self._others.between(after_s, until_s), *(_of_video(part) for part in parts)])
 
     def rest(self, after_s: float) -> int:
         """As `ReportStream.rest`: a simulation ends with its run."""
@@ -194,10 +244,15 @@ class VideoStream:
             at = to_plane(self._vessels.position(row, time_s), site_deg)
             time_s = begun_s + np.arctan2(at[:, 0], at[:, 1]) % TURN_RAD / TURN_RAD * period_s
         position, velocity = self._vessels.state(row, time_s)
-        at_anchor = np.radians([ship.course_deg for ship in s.ships])
-        heading = np.where(np.hypot(*velocity.T) > 0.0, np.arctan2(velocity[:, 0], velocity[:, 1]), at_anchor)
+        heading = _headings(s.ships, row, velocity)
         sizes = np.array([[ship.length_m, ship.width_m] for ship in s.ships]).reshape(-1, 2)
         return Hulls(to_plane(position, site_deg), heading, sizes[:, 0], sizes[:, 1])
+
+
+def _headings(ships: tuple[Ship, ...], row: Ints, velocity_m_s: Floats) -> Floats:
+    """The headings of ships, rad: their course, or as set at anchor. (M,) Args: row: (M,) of `ships`; velocity_m_s: (M, 2)."""
+    at_anchor = np.radians([ship.course_deg for ship in ships])[row]
+    return np.where(np.hypot(*velocity_m_s.T) > 0.0, np.arctan2(velocity_m_s[:, 0], velocity_m_s[:, 1]), at_anchor)
 
 
 def _of_video(videos: Videos) -> Reports:
@@ -212,9 +267,9 @@ def _disc(s: SimulatedVideo, sensors: Sensors, radar: int) -> Disc:
     range_m = (np.arange(s.cells) + 0.5) * float(radars.range_m[radar]) / s.cells
     east_north = range_m[:, None] * np.stack([np.sin(azimuth), np.cos(azimuth)], axis=-1)[:, None, :]
     land = rain = None
-    if s.land_deg:
+    if rings := s.land_deg or sensors.land_deg:
         position = from_plane(east_north.reshape(-1, 2), radars.site_deg[radar])
-        land = np.logical_xor.reduce([inside(position, np.array(ring)) for ring in s.land_deg]).reshape(s.spokes, s.cells)
+        land = np.logical_xor.reduce([inside(position, np.array(ring)) for ring in rings]).reshape(s.spokes, s.cells)
     if s.rain:
         rain = np.zeros((s.spokes, s.cells), np.float32)
         for shower in s.rain:
