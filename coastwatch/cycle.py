@@ -140,7 +140,9 @@ def run_cycle(
         heard = AisInput(of_hulls, time_s, sensors)
         ais_memory, (ais_tracks, alarms, ais_taken) = s.ais_tracks.step(m.ais_tracks, heard)
     with timer("tracks"):
-        messages = [s.tracks.messages_of(ais_taken, ais_tracks, sensors, k) for k in range(len(sensors.region_names))]
+        messages = [
+            s.tracks.messages_of(ais_taken, ais_tracks, sensors, k, alarms.interval_s) for k in range(len(sensors.region_names))
+        ]
         region_inputs, unknown = reports_of_regions(reports.radar, messages, m.corrections, time_s, sensors, reports.video)
         stepped = regions(step_of_regions(s), m.regions, region_inputs)
         regional_memory, regional = tuple(after for after, _ in stepped), [cycle for _, cycle in stepped]

@@ -90,6 +90,7 @@ class Messages(Batch):
     origin: Ints = column(np.int64, "M")
     velocity_m_s: Floats = optional_column("M", 2)  # NaN where none was sent, or none is believed
     velocity_covariance: Floats = optional_column("M", 2, 2)  # its errors are independent of those of the position
+    interval_s: Floats = optional_column("M")  # expected until the next one of the vessel
 
 
 @dataclass(frozen=True, eq=False)
@@ -394,6 +395,18 @@ class StandingEchoes(Batch):
     extent_m: Floats = column(np.float64, "N")  # how far its cells reach from corner to corner
     plots_per_turn: Floats = column(np.float64, "N")
     turns: Floats = column(np.float64, "N")  # of the antenna, in which it was learnt
+
+
+@dataclass(frozen=True, eq=False)
+class DecidedPath(Batch):
+    """States of radar tracks in the past, at plots whose choice has become final, smoothed by the plots after them."""
+
+    track_id: Ints = column(np.int64, "N")
+    time_s: Floats = column(np.float64, "N")  # of the plot or message
+    position_deg: Floats = column(np.float64, "N", 2)
+    velocity_m_s: Floats = column(np.float64, "N", 2)  # east, north
+    covariance: Floats = column(np.float64, "N", 4, 4)  # east, north, and their rates, in the tangent plane at the position
+    radar: Ints = column(np.int64, "N")  # number of the radar; -1: an AIS message
 
 
 @dataclass(frozen=True, eq=False)

@@ -78,8 +78,8 @@ def cycles(
         now_s = plan.instant_s(cycle)
         reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
         converted, plots = scenario.plots.step(converted, reports.radar, sensors, none)
-        ais_memory, (ais, _, taken) = scenario.ais_tracks.step(ais_memory, AisInput(reports.ais, now_s, sensors))
-        messages = scenario.tracks.messages_of(taken, ais, sensors, 0)
+        ais_memory, (ais, alarms, taken) = scenario.ais_tracks.step(ais_memory, AisInput(reports.ais, now_s, sensors))
+        messages = scenario.tracks.messages_of(taken, ais, sensors, 0, alarms.interval_s)
         if known:  # the bound knows all noise, and of whom each message is
             plots = replace(plots, covariance=plots.covariance + echo_m**2 * np.eye(2))
             plots = Plots.join([plots, _as_plots(messages, sensors)])

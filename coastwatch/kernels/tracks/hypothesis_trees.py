@@ -16,6 +16,7 @@ import numpy as np
 from coastwatch.kernels.arrays import Floats, Ints
 from coastwatch.kernels.filters import imm
 from coastwatch.kernels.filters.gaussian import Estimates
+from coastwatch.kernels.filters.smoothing import Steps
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tracks.existence import SURELY, after, missed
 
@@ -31,7 +32,9 @@ class LeafColumns(NamedTuple):
     visibility: Floats  # (L,)
     existence_time: Floats  # (L,) of both
     misses: Floats  # (L,) looks without a plot since the newest one
-    plot: Ints  # (L, W) number of the plot of each look of the window, newest last, -1: none
+    mmsi: Ints  # (L,) of the vessel, -1: none is known
+    plot: Ints  # (L, W) number of the plot or message of each look of the window, newest last, -1: none
+    step: Ints  # (L, W) row of the step of the filter by it, -1: none
     radar_time: Floats  # (L, R) newest plot of each radar, -inf: none
     state: Floats  # (L, J, 5)
     covariance: Floats  # (L, J, 5, 5)
@@ -52,6 +55,7 @@ class Look(NamedTuple):
     before: Floats  # (S,) up to which the looks of this radar are in the tree
     nobody: Floats  # (M,) density of plots of none of these tracks
     number: int  # of the first of these plots
+    step: int  # row of the first new step
 
 
 @jit
@@ -65,6 +69,8 @@ def _empty(leaves, count):  # type: ignore[no-untyped-def]
         np.empty(count),
         np.empty(count),
         np.empty(count),
+        np.empty(count, np.int64),
+        np.empty((count, window), np.int64),
         np.empty((count, window), np.int64),
         np.empty((count, radars)),
         np.empty((count, models, 5)),
@@ -83,7 +89,8 @@ def _copy(leaves, i, out, k):  # type: ignore[no-untyped-def]
     out.slot[k], out.cost[k], out.misses[k], out.time[k] = leaves.slot[i], leaves.cost[i], leaves.misses[i], leaves.time[i]
     out.existence[k], out.visibility[k] = leaves.existence[i], leaves.visibility[i]
     out.existence_time[k], out.noise[k] = leaves.existence_time[i], leaves.noise[i]
-    out.plot[k], out.radar_time[k], out.mode[k] = leaves.plot[i], leaves.radar_time[i], leaves.mode[i]
+    out.mmsi[k], out.plot[k], out.step[k] = leaves.mmsi[i], leaves.plot[i], leaves.step[i]
+    out.radar_time[k], out.mode[k] = leaves.radar_time[i], leaves.mode[i]
     out.state[k], out.covariance[k] = leaves.state[i], leaves.covariance[i]
     out.mean[k], out.spread[k] = leaves.mean[i], leaves.spread[i]
 
@@ -105,9 +112,15 @@ def _miss(leaves, k, detection):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _take(leaves, k, m, look, columns, renewal, models, work):  # type: ignore[no-untyped-def]
-    """Leaf k takes plot m, in place. Args: work: `imm.Workspace`, z (2,), noise (2, 2)."""
+def _take(leaves, k, m, look, columns, motion, work, step):  # type: ignore[no-untyped-def]
+    """Leaf k takes plot m, in place.
+
+    Args: motion: renewal, models; work: `imm.Workspace`, z (2,), noise (2, 2); step: Steps and the row of them that is written.
+    """
     inside, z, noise = work
+    renewal, models = motion
+    steps, a = step
+    estimates = Estimates(leaves.time, leaves.mean, leaves.spread, leaves.noise)
     found = max(leaves.existence[k] * leaves.visibility[k] * look.detection, LEAST)
     z[:] = columns.position[m]
     noise[:] = columns.covariance[m]
@@ -117,24 +130,31 @@ def _take(leaves, k, m, look, columns, renewal, models, work):  # type: ignore[n
         inside.spread[:4, :4] = leaves.spread[k]
         imm.predict_from_moments(state, covariance, mode, models, dt, renewal, inside)
         leaves.time[k] = columns.time[m]
+        imm.combine(state, covariance, mode, models, k, estimates)
     else:
         imm.bring_forward(z, noise, -dt, leaves.mean[k], leaves.spread[k])
+    steps.predicted_mean[a] = leaves.mean[k]
+    steps.predicted_covariance[a] = leaves.spread[k]
     log_likelihood = imm.update_filter(state, covariance, mode, z, noise, inside)
-    imm.combine(state, covariance, mode, models, k, Estimates(leaves.time, leaves.mean, leaves.spread, leaves.noise))
+    imm.combine(state, covariance, mode, models, k, estimates)
+    steps.time[a], steps.mean[a], steps.covariance[a] = leaves.time[k], leaves.mean[k], leaves.spread[k]
     leaves.cost[k] -= math.log(found) + log_likelihood - math.log(look.nobody[m])
     leaves.existence[k], leaves.visibility[k], leaves.misses[k] = SURELY, 1.0, 0
-    leaves.plot[k, -1] = look.number + m
+    leaves.plot[k, -1], leaves.step[k, -1] = look.number + m, look.step + a
     leaves.radar_time[k, look.radar] = max(leaves.radar_time[k, look.radar], columns.time[m])
 
 
 @jit
 def grow(leaves, first, plot, look, columns, chain, renewal, models):  # type: ignore[no-untyped-def]
-    """The children of leaves: each without a plot and with each of its plots. Trees without a look stay as they are.
+    """The children of leaves: each without a plot and with each of its plots. And the Steps of their filters, (A,).
 
+    Trees without a look stay as they are.
     Args: leaves: LeafColumns; first: (L + 1,) first plot of each leaf; plot: (A,) rows of columns, PlotColumns; look: Look; chain:
     ExistenceChain; renewal: as of `imm.predict_filter`; models: (J,) MODEL.
     """
     out, work = _empty(leaves, len(leaves.slot) + len(plot)), (imm.workspace(len(models)), np.empty(2), np.empty((2, 2)))
+    count = len(plot)
+    steps = Steps(np.empty(count), np.empty((count, 4)), np.empty((count, 4, 4)), np.empty((count, 4)), np.empty((count, 4, 4)))
     k = 0
     for i in range(len(leaves.slot)):
         _copy(leaves, i, out, k)
@@ -149,15 +169,15 @@ def grow(leaves, first, plot, look, columns, chain, renewal, models):  # type: i
             _miss(out, unseen, look.detection)
         _fade(out, unseen, time, chain)
         for w in range(out.plot.shape[1] - 1):
-            out.plot[unseen, w] = out.plot[unseen, w + 1]
-        out.plot[unseen, -1] = -1
+            out.plot[unseen, w], out.step[unseen, w] = out.plot[unseen, w + 1], out.step[unseen, w + 1]
+        out.plot[unseen, -1] = out.step[unseen, -1] = -1
         for a in range(first[i], first[i + 1]):
             _copy(out, unseen, out, k)
-            _take(out, k, plot[a], look, columns, renewal, models, work)
+            _take(out, k, plot[a], look, columns, (renewal, models), work, (steps, a))
             k += 1
         if time - leaves.radar_time[i, look.radar] > 0.5 * look.period:
             _miss(out, unseen, look.detection)
-    return out
+    return out, steps
 
 
 @jit

@@ -9,6 +9,7 @@ import numpy as np
 from coastwatch.batches import Batch, Floats, Ints
 from coastwatch.batches.struct import Struct, column
 from coastwatch.kernels.filters.gaussian import Estimates
+from coastwatch.kernels.filters.smoothing import Steps
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.kernels.tracks.hypothesis_trees import LeafColumns
 from coastwatch.tracks.radar.motion import Filters
@@ -24,7 +25,9 @@ class Leaves(Batch):
     visibility: Floats = column(np.float64, "L")
     existence_s: Floats = column(np.float64, "L")
     misses: Floats = column(np.float64, "L")
-    plot: Ints = column(np.int64, "L", "W")  # number of the plot in each look, newest last, -1 where there is none
+    mmsi: Ints = column(np.int64, "L")  # of the vessel, -1 where none is known
+    plot: Ints = column(np.int64, "L", "W")  # number of the plot or message in each look, newest last, -1 where there is none
+    step: Ints = column(np.int64, "L", "W")  # row of the filter's step by it, among those of the forest
     radar_s: Floats = column(np.float64, "L", "R")  # newest plot of each radar, -inf where there is none
     state: Floats = column(np.float64, "L", "J", 5)  # at updated_s
     covariance: Floats = column(np.float64, "L", "J", 5, 5)
@@ -51,22 +54,65 @@ class Leaves(Batch):
 
 
 @dataclass(frozen=True, eq=False)
+class FilterSteps(Batch):
+    """What the filters of leaves said at each plot or message: the memory from which the past is smoothed."""
+
+    time_s: Floats = column(np.float64, "P")
+    mean: Floats = column(np.float64, "P", 4)  # after it, over the models
+    covariance: Floats = column(np.float64, "P", 4, 4)
+    predicted_mean: Floats = column(np.float64, "P", 4)  # before it, at the same time
+    predicted_covariance: Floats = column(np.float64, "P", 4, 4)
+    radar: Ints = column(np.int64, "P")  # -1: a message
+
+    @property
+    def columns(self) -> Steps:
+        """As the kernels take them."""
+        return Steps(self.time_s, self.mean, self.covariance, self.predicted_mean, self.predicted_covariance)
+
+
+@dataclass(frozen=True, eq=False)
+class Decided(Batch):
+    """States of tracks at plots or messages whose choice has become final, smoothed by those after them."""
+
+    number: Ints = column(np.int64, "N")  # of the track, within the region
+    time_s: Floats = column(np.float64, "N")
+    mean: Floats = column(np.float64, "N", 4)  # in the region's plane
+    covariance: Floats = column(np.float64, "N", 4, 4)
+    radar: Ints = column(np.int64, "N")  # -1: a message
+
+
+@dataclass(frozen=True, eq=False)
 class Forest(Struct):
     """The leaves of a region, and what is kept for each slot. Leaves of a slot without a track go at the next plots."""
 
     leaves: Leaves
+    steps: FilterSteps  # of these leaves
+    decided: Decided  # in this cycle
     next_plot: int  # number of the next plot
     null_cost: Floats = column(np.float64, "S")  # of "no vessel", as costs of leaves are
     nulled: Ints = column(np.int64, "S")  # looks in a row in which other tracks had all the plots of the track
+    until_s: Floats = column(np.float64, "S")  # up to which a track lives by its messages, without plots
 
     @classmethod
     def empty(cls, window: int = 0, radars: int = 0, models: int = 0) -> Forest:
         """No leaf. Args: window: W; radars: R; models: J."""
-        return cls(Leaves.empty(W=window, R=radars, J=models), 0, np.zeros(0), np.zeros(0, np.int64))
+        leaves, zeros = Leaves.empty(W=window, R=radars, J=models), np.zeros(0)
+        return cls(leaves, FilterSteps.empty(), Decided.empty(), 0, zeros, np.zeros(0, np.int64), zeros)
+
+    def with_leaves(self, leaves: Leaves, steps: FilterSteps) -> Forest:
+        """These leaves, with those of the steps that they have: rows are renumbered in place."""
+        used = np.zeros(len(steps) + 1, np.bool_)
+        used[leaves.step] = True
+        used[-1] = False  # of no step
+        rows = np.cumsum(used) - 1
+        rows[-1] = -1
+        leaves.step[:] = rows[leaves.step]
+        return replace(self, leaves=leaves, steps=steps.take(used[:-1]))
 
     def check_slots(self, filters: tuple[int, ...], radars: int) -> None:
         """Check the leaves against the table. Args: filters: (slots, models of each); radars: R. Raises: ValueError."""
         require_rows("Leaves.slot", self.leaves.slot, filters[0], 0)
+        require_rows("Leaves.step", self.leaves.step, len(self.steps), -1)
         got, needed = (self.leaves.mode_probability.shape[1], self.leaves.radar_s.shape[1]), (filters[1], radars)
         if len(self.leaves) and got != needed:
             raise ValueError(f"Leaves: got {got[0]} models of {got[1]} radars, needed {needed[0]} of {needed[1]}")
@@ -76,5 +122,7 @@ class Forest(Struct):
         more = count - len(self.nulled)
         if more <= 0:
             return self
-        null_cost, nulled = (np.concatenate([one, np.zeros(more, one.dtype)]) for one in (self.null_cost, self.nulled))
-        return replace(self, null_cost=null_cost, nulled=nulled)
+        null_cost, nulled, until_s = (
+            np.concatenate([one, np.zeros(more, one.dtype)]) for one in (self.null_cost, self.nulled, self.until_s)
+        )
+        return replace(self, null_cost=null_cost, nulled=nulled, until_s=until_s)

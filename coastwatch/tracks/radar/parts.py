@@ -7,15 +7,18 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Sensors
 from coastwatch.kernels.arrays import Records
-from coastwatch.kernels.filters.gaussian import Estimates
+from coastwatch.kernels.filters.gaussian import Estimates, gate
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import ExistenceManagement, TrackManagement
 from coastwatch.tracks.radar.motion import Filters, Prior
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
+
+LIKELY = 0.5  # a plot is reported as taken by the track that it belongs to with more than this probability
 
 
 class FilterBank(Protocol):
@@ -137,3 +140,15 @@ def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: Plot
     if alone.models:
         alone.updated_s[slots], alone.left_mmsi[slots], alone.left_s[slots] = -np.inf, -1, -np.inf
     return replace(memory, table=table, next_id=memory.next_id + len(plots), plots_alone=alone)
+
+
+def gated(parts: Parts, table: Table, batch: PlotColumns, widened: float = 1.0) -> Candidates:
+    """The plots or messages in the gates of the tracks.
+
+    A gate is as wide as by the liveliest model: the average of the models would lose vessels that manoeuvre while they are missed.
+    """
+    rules, estimates = parts.existence, table.estimates
+    limit = widened * gate(rules.gate_probability, 2)
+    lively = estimates._replace(noise=np.full(len(estimates.noise), parts.bank.models["noise"].max()))
+    pairs: Candidates = kernels.tracks.gate.candidates(lively, table.live, batch, limit, rules.late_s)
+    return pairs

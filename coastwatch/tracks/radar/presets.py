@@ -47,8 +47,8 @@ PRESETS: Mapping[str, Mapping[str, Part]] = {
     "vimmjipda_precise_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "precise_batch"}},
     "vimmjipda_noisy_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "noisy_batch"}},
     "guided_vimmjipda": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "guiding"}},
-    "multi_hypothesis": {"association": _TREES, "motion": _IMM},
-    "sided_multi_hypothesis": {"association": _TREES},
+    "multi_hypothesis": {"association": _TREES, "motion": _IMM, "messages": {"method": "sequential"}},
+    "sided_multi_hypothesis": {"association": _TREES, "messages": {"method": "sequential"}},
     "bp_particles": {
         "association": _JIPDA,
         "motion": {"kind": "manoeuvres", "models": [_STRAIGHT]},
@@ -64,6 +64,7 @@ this part."""
 SHORT: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("sided_imm", "imm", "filterpy_imm"), ("plot_origin",)),
     **dict.fromkeys(("vimmjipda_sequential", "vimmjipda_precise_batch", "vimmjipda_noisy_batch"), ("message_velocities",)),
+    **dict.fromkeys(("multi_hypothesis", "sided_multi_hypothesis"), ("message_velocities",)),
     "guided_vimmjipda": ("plot_origin", "message_velocities"),
     "bp_particles": ("particles", "seed"),
 }

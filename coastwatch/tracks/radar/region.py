@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
+from coastwatch.batches import Bools, DecidedPath, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
@@ -16,11 +16,11 @@ from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.association import AnyAssociation, MultiHypothesis
 from coastwatch.tracks.radar.clutter import standing_echoes
 from coastwatch.tracks.radar.extent import LEAST_PLOTS, Hulls, averaged, axes, joined
-from coastwatch.tracks.radar.messages import Guiding, NoMessages, WithMessages, begin_unnamed, in_order
+from coastwatch.tracks.radar.messages import Guiding, NoMessages, Sequential, WithMessages, begin_unnamed, in_order
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.plot_batches import cut, is_usable
-from coastwatch.tracks.radar.report import Reported, report, report_measurements
-from coastwatch.tracks.radar.table import RadarMemory
+from coastwatch.tracks.radar.report import Reported, report, report_decided, report_measurements
+from coastwatch.tracks.radar.table import RadarMemory, Table
 
 HELD = 0.98  # an id of this probability is reported as that of the vessel; the first message gives `correct_id`, 0.99
 
@@ -48,15 +48,24 @@ class RegionOutput(NamedTuple):
     measurements: Measurements  # the plots of this cycle in them
     standing_echoes: StandingEchoes  # none where no clutter map is learnt
     dropped: int  # plots that are not finite, or from the future
+    decided: DecidedPath  # the past that became final in this cycle; empty for trackers that decide at once
 
 
 @dataclass
 class _MessagesInTurn:
     """The messages of a cycle, taken as the time of the plots goes on."""
 
+    association: AnyAssociation
     rules: WithMessages
     messages: Messages  # sorted by time
     done: int = 0
+
+    @classmethod
+    def of(
+        cls, association: AnyAssociation, rules: NoMessages | WithMessages, parts: Parts, heard: Messages, memory: RadarMemory
+    ) -> Self | None:
+        """Nothing taken yet; none where the tracker takes no messages. Args: heard: in any order."""
+        return None if isinstance(rules, NoMessages) else cls(association, rules, in_order(rules, parts, heard, memory))
 
     def take(self, parts: Parts, memory: RadarMemory, until_s: float) -> RadarMemory:
         """The memory after the messages up to a time that were not taken before."""
@@ -65,6 +74,9 @@ class _MessagesInTurn:
             return memory
         part = self.messages.take(np.arange(self.done, end))
         self.done = end
+        if isinstance(self.association, MultiHypothesis):
+            assert isinstance(self.rules, Sequential)
+            return self.association.take_messages(parts, self.rules, memory, part)
         return self.rules.take(parts, memory, part, until_s)
 
 
@@ -82,7 +94,7 @@ def update_region(
     if isinstance(messages, Guiding):
         memory = memory.with_plots_alone(len(plots_alone.bank().models))
         heard = messages.trusted(memory, heard, time_s)
-    queue = None if isinstance(messages, NoMessages) else _MessagesInTurn(messages, in_order(messages, parts, heard, memory))
+    queue = _MessagesInTurn.of(association, messages, parts, heard, memory)
     memory = memory.with_clutter_map(parts.clutter, sensors.radars)
     good = is_usable(plots, time_s, upkeep.ahead_s)
     plots = _whole_hulls(parts, memory, plots if good.all() else plots.take(good), time_s)
@@ -130,9 +142,14 @@ def update_region(
         sensors,
         region,
     )
-    standing = standing_echoes(parts.clutter, memory.clutter, sensors.radars, origin_deg)
-    measurements = report_measurements(tracks, taken, plots, sensors, region)
-    return memory, RegionOutput(tracks, measurements, standing, int((~good).sum()))
+    found = RegionOutput(
+        tracks=tracks,
+        measurements=report_measurements(tracks, taken, plots, sensors, region),
+        standing_echoes=standing_echoes(parts.clutter, memory.clutter, sensors.radars, origin_deg),
+        dropped=int((~good).sum()),
+        decided=report_decided(memory.forest.decided, sensors, region),
+    )
+    return memory.without_decided(), found
 
 
 def _end_slice(

@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import ID_STRIDE, Floats, Ints, Measurements, Plots, Sensors, Tracks
+from coastwatch.batches import ID_STRIDE, DecidedPath, Floats, Ints, Measurements, Plots, Sensors, Tracks
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.tracks.radar.extent import Echoes, echoes_of
+from coastwatch.tracks.radar.leaves import Decided
 
 
 class Reported(NamedTuple):
@@ -66,6 +67,14 @@ def _echoes(now: Estimates, reported: Reported, velocity_m_s: Floats, latitude: 
         extent = turned.reshape(-1, 4)[:, [0, 1, 3]]
         every[:, known] = echoes_of(extent, reported.beam_m[known], velocity_m_s[known])
     return Echoes(*every)
+
+
+def report_decided(decided: Decided, sensors: Sensors, region: int) -> DecidedPath:
+    """The states that became final in this cycle, by track, then time, in the tangent plane at each."""
+    decided = decided.take(np.lexsort((decided.time_s, decided.number)))
+    latitude, longitude = sensors.region_origin_deg[region].tolist()
+    position, velocity, turned = kernels.tracks.report.geodetic_tracks(decided.mean, decided.covariance, latitude, longitude)
+    return DecidedPath(region * ID_STRIDE + decided.number, decided.time_s, position, velocity, turned, decided.radar)
 
 
 def report_measurements(tracks: Tracks, taken: Ints, plots: Plots, sensors: Sensors, region: int) -> Measurements:

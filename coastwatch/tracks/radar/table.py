@@ -14,7 +14,7 @@ from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks import columns
 from coastwatch.kernels.tracks.columns import NAMES, ExistenceColumns, PlotColumns, TrackLife, VesselIds
 from coastwatch.tracks.radar.clutter import ClutterMap, ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
-from coastwatch.tracks.radar.leaves import Forest
+from coastwatch.tracks.radar.leaves import Decided, Forest
 from coastwatch.tracks.radar.motion import Filters
 from coastwatch.tracks.radar.plot_filters import PlotFilters
 from coastwatch.tracks.radar.rates import LearntRates
@@ -205,6 +205,10 @@ class RadarMemory(Struct):
             return self
         held = np.logical_or.reduce(np.isfinite(self.table.radar_s[self.table.live][:, moved]), axis=1)
         return replace(self, table=self.table.without(held), clutter=self.clutter.without_radars(moved))
+
+    def without_decided(self) -> RadarMemory:
+        """This memory without the states of the past that were reported."""
+        return replace(self, forest=replace(self.forest, decided=Decided.empty()))
 
     def with_plots_alone(self, models: int) -> RadarMemory:
         """This memory with filters of plots alone, if it has none: it is of a tracker without. Args: models: J of each."""

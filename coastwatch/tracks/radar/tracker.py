@@ -6,13 +6,13 @@ from typing import Self, get_args
 
 from pydantic import model_validator
 
-from coastwatch.batches import Measurements, Messages, Sensors, Tracks
+from coastwatch.batches import Floats, Measurements, Messages, Sensors, Tracks
 from coastwatch.stage import Method
 from coastwatch.tracks.radar.association import Association, MultiHypothesis, NearestNeighbour
 from coastwatch.tracks.radar.bank import Bank, Compiled, Particles
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import TrackManagement, Upkeep
-from coastwatch.tracks.radar.messages import Guiding, MessageUpdate, NoMessages, messages_of
+from coastwatch.tracks.radar.messages import Guiding, MessageUpdate, NoMessages, Sequential, messages_of
 from coastwatch.tracks.radar.motion import Manoeuvres, MotionModels
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.presets import TAGS, Name, expanded, settings_of
@@ -59,8 +59,8 @@ class TableTracker(Method):
         if needed != "existence" and not isinstance(self.messages, NoMessages):
             raise ValueError(f"messages.method: got {self.messages.method!r}, needed 'none' {association}")
         if isinstance(self.association, MultiHypothesis):
-            if not isinstance(self.messages, NoMessages):
-                raise ValueError(f"messages.method: got {self.messages.method!r}, needed 'none' {association}")
+            if not isinstance(self.messages, NoMessages | Sequential):
+                raise ValueError(f"messages.method: got {self.messages.method!r}, needed 'sequential' or 'none' {association}")
             if not isinstance(self.bank, Compiled):
                 raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' {association}")
         if isinstance(self.messages, Guiding) and not isinstance(self.bank, Compiled):
@@ -80,9 +80,13 @@ class TableTracker(Method):
         """The settings that this method, one of the names, is usually given."""
         return settings_of(method, set(cls.model_fields))
 
-    def messages_of(self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int) -> Messages:
-        """The AIS messages of a cycle that a region is given. Args: reports: that went into these AIS tracks."""
-        return Messages.empty() if isinstance(self.messages, NoMessages) else messages_of(reports, ais, sensors, region)
+    def messages_of(
+        self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
+    ) -> Messages:
+        """The AIS messages of a cycle that a region is given. Args: as of `coastwatch.tracks.radar.messages.messages_of`."""
+        if isinstance(self.messages, NoMessages):
+            return Messages.empty()
+        return messages_of(reports, ais, sensors, region, interval_s)
 
     def init(self) -> RadarMemory:
         """No track."""

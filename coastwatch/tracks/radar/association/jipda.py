@@ -13,16 +13,13 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
-from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.kernels.tracks.existence import EXISTS, LATELY, SURELY
 from coastwatch.stage import Settings
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.life.existence import merge_duplicates
-from coastwatch.tracks.radar.parts import Parts, begin_tracks
-from coastwatch.tracks.radar.table import RadarMemory, Table
-
-LIKELY = 0.5  # a plot is reported as taken by the track that it belongs to with more than this probability
+from coastwatch.tracks.radar.parts import LIKELY, Parts, begin_tracks, gated
+from coastwatch.tracks.radar.table import RadarMemory
 
 Free = Callable[[Ints, Floats, int], Floats]
 """(M,) The probability that each plot is of no track, of the plot and probability of each pair (A,), and the count of plots."""
@@ -58,18 +55,6 @@ class JipdaLiteral(Settings):
     def end_cycle(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
         """Merge tracks of one vessel."""
         return merge_duplicates(parts.existence, memory, parts.sensors.radars.period_s, time_s)
-
-
-def gated(parts: Parts, table: Table, batch: PlotColumns, widened: float = 1.0) -> Candidates:
-    """The plots or messages in the gates of the tracks.
-
-    A gate is as wide as by the liveliest model: the average of the models would lose vessels that manoeuvre while they are missed.
-    """
-    rules, estimates = parts.existence, table.estimates
-    limit = widened * gate(rules.gate_probability, 2)
-    lively = estimates._replace(noise=np.full(len(estimates.noise), parts.bank.models["noise"].max()))
-    pairs: Candidates = kernels.tracks.gate.candidates(lively, table.live, batch, limit, rules.late_s)
-    return pairs
 
 
 def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float, free_of: Free) -> tuple[RadarMemory, Ints]:

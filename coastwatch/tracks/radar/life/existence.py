@@ -91,8 +91,19 @@ class ExistenceManagement(PlotSettings):
         single = self.new_per_m2(detection) / (false_per_m2 + self.new_per_m2(detection))
         return np.minimum(self.begin_existence, 0.5 * single), np.minimum(self.delete_existence, 0.75 * single)
 
-    def end_slice(self, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars, time_s: float) -> RadarMemory:
-        """Count the looks that gave no plot, confirm and delete tracks. Args: as of `TrackManagement.end_slice`."""
+    def end_slice(
+        self,
+        memory: RadarMemory,
+        radars: RadarColumns,
+        ours: Ints,
+        every: Radars,
+        time_s: float,
+        until_s: Floats | None = None,
+    ) -> RadarMemory:
+        """Count the looks that gave no plot, confirm and delete tracks.
+
+        Args: as of `TrackManagement.end_slice`; until_s: (S,) up to which looks without a plot end no track.
+        """
         table = memory.table
         detection, false_per_m2 = self.by_number(memory.rates, every)
         count_missed = kernels.tracks.existence.count_missed_looks
@@ -101,8 +112,8 @@ class ExistenceManagement(PlotSettings):
         table.status[live[now >= self.confirm_existence]] = Status.CONFIRMED
         speed2 = (table.combined_mean[live, 2:] ** 2).sum(axis=1)
         least = self.least_existence(detection.probability[ours], false_per_m2[ours])[1].min(initial=self.delete_existence)
-        lost = (now < least) | (table.misses[live] > self.delete_misses - 0.5)
-        lost |= time_s - table.updated_s[live] > self.coast_s
+        unseen = (table.misses[live] > self.delete_misses - 0.5) | (time_s - table.updated_s[live] > self.coast_s)
+        lost = (now < least) | (unseen if until_s is None else unseen & (until_s[live] < time_s))
         lost |= (speed2 > (self.max_speed_kn * KNOT_M_S) ** 2) & (table.status[live] != Status.SINGLE)
         return replace(memory, table=table.without(lost))
 

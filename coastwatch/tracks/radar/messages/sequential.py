@@ -27,14 +27,14 @@ class Sequential(MessageSettings):
 
     def take(self, parts: Parts, memory: RadarMemory, messages: Messages, until_s: float) -> RadarMemory:
         """The memory after these messages. Messages whose gates have no track in common are taken together."""
-        order = _rounds(parts, self, memory.table, columns_of(messages), messages.mmsi)
+        order = rounds(parts, self, memory.table, columns_of(messages), messages.mmsi)
         for number in range(int(order.max(initial=-1)) + 1):
             rows = np.flatnonzero(order == number)
             memory = take_at_once(parts, self, memory, messages.take(rows))
         return memory
 
 
-def _rounds(parts: Parts, rules: MessageSettings, table: Table, batch: PlotColumns, mmsi: Ints) -> Ints:
+def rounds(parts: Parts, rules: MessageSettings, table: Table, batch: PlotColumns, mmsi: Ints) -> Ints:
     """The round in which each message is taken: later than those before it that share a track or an id with it. (M,)"""
     pairs, count = near(parts, table, batch), len(mmsi)
     _, name = np.unique(mmsi, return_inverse=True)

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Measurements, Messages, Sensors, Tracks
+from coastwatch.batches import Floats, Measurements, Messages, Sensors, Tracks
 from coastwatch.geodesy import to_plane, turn, within_any
 from coastwatch.stage import Probability, Settings
 from coastwatch.tracks.radar.parts import Parts
@@ -35,10 +35,12 @@ class MessageSettings(Settings):
         return self.gate_sigmas**2
 
 
-def messages_of(reports: Measurements, ais: Tracks, sensors: Sensors, region: int) -> Messages:
+def messages_of(
+    reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
+) -> Messages:
     """The AIS reports of a cycle inside the range of a radar of a region, in its plane.
 
-    Args: reports: that went into these AIS tracks.
+    Args: reports: that went into these AIS tracks; interval_s: (N,) of each AIS track, expected between its reports.
     """
     ours = sensors.radars.take(sensors.radars.region == region)
     reports = reports.take(within_any(reports.position_deg, ours.site_deg, ours.range_m))
@@ -54,6 +56,7 @@ def messages_of(reports: Measurements, ais: Tracks, sensors: Sensors, region: in
         origin=ais.origin[at],
         velocity_m_s=(axes @ reports.velocity_m_s[:, :, None])[:, :, 0],
         velocity_covariance=axes @ reports.covariance[:, 2:, 2:] @ back,
+        interval_s=np.full(len(at), np.nan) if interval_s is None else interval_s[at],
     )
 
 

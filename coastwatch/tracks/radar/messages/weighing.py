@@ -23,10 +23,9 @@ from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.kernels.tracks.vessel_ids import IDS
 from coastwatch.tracks.radar import plots_alone
-from coastwatch.tracks.radar.association.jipda import LIKELY, gated
 from coastwatch.tracks.radar.messages.settings import MessageSettings
 from coastwatch.tracks.radar.motion import Filters
-from coastwatch.tracks.radar.parts import Parts, begin_tracks
+from coastwatch.tracks.radar.parts import LIKELY, Parts, begin_tracks, gated
 from coastwatch.tracks.radar.table import RadarMemory, Table
 
 COARSE = 16.0  # times the squared distance of the gate: among messages in it, the models of each track decide

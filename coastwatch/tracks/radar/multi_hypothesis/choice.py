@@ -48,7 +48,7 @@ def choose_and_prune(rules: Pruning, forest: Forest, leaves: Leaves, looked: Boo
     start = starts(of_slot)
     slot = of_slot[start[:-1]]
     null, seen, of = forest.null_cost[slot], looked[slot], np.repeat(np.arange(len(slot)), np.diff(start))
-    chosen, displaced = _chosen(rules, cost, plot, start, null)
+    chosen, displaced = _chosen(rules, cost, plot, leaves.mmsi[kept], start, null)
     forest.nulled[slot[seen]] = np.where(displaced, forest.nulled[slot] + 1, 0)[seen]
     final = plot[chosen, 0]
     keep = (plot[:, 0] == final[of]) | ~seen[of]
@@ -75,15 +75,23 @@ def starts(slot: Ints) -> Ints:
     return np.append(np.flatnonzero(np.diff(slot, prepend=-1)), len(slot))
 
 
-def _chosen(rules: Pruning, cost: Floats, plot: Ints, start: Ints, null: Floats) -> tuple[Ints, Bools]:
+def _chosen(rules: Pruning, cost: Floats, plot: Ints, mmsi: Ints, start: Ints, null: Floats) -> tuple[Ints, Bools]:
     """The leaf of each tree in the global hypothesis (T,), and which trees lost it although their cheapest leaf is better than no vessel.
 
-    A tree without a leaf there has its cheapest one whose newest plot no other tree has. Args: cost, plot: (L,), (L, W) of the leaves.
+    A tree without a leaf there has its cheapest one whose newest plot no other tree has.
+
+    Args: cost: (L,), plot: (L, W), mmsi: (L,), all of the leaves.
     """
     held = plot >= 0
     resource = np.where(held, plot - plot.min(initial=np.iinfo(np.int64).max, where=held), -1)
     count = int(resource.max(initial=-1)) + 1
     choose = kernels.association.global_hypothesis.choose
+    named = mmsi >= 0
+    if named.any():  # two vessels do not have one MMSI
+        names, number = np.unique(mmsi[named], return_inverse=True)
+        of_names = np.full(len(mmsi), -1)
+        of_names[named] = count + number
+        resource, count = np.column_stack([of_names, resource]), count + len(names)
     choice = choose(start, cost, resource, count, null, rules.price_rounds, rules.search_nodes)
     has = choice.leaf >= 0
     taken = np.zeros(count + 1, np.bool_)

@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints, Radars
+from coastwatch.batches import Bools, Floats, Ints, Messages, Radars
 from coastwatch.kernels.filters.gaussian import Estimates, gate
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
-from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.kernels.tracks.hypothesis_trees import Look
 from coastwatch.stage import Count, Positive, Settings
-from coastwatch.tracks.radar.leaves import Forest, Leaves
+from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
 from coastwatch.tracks.radar.life.existence import merge_duplicates
-from coastwatch.tracks.radar.multi_hypothesis.choice import WIDEST, Pruned, Pruning, choose_and_prune, ended, starts
+from coastwatch.tracks.radar.messages.sequential import Sequential
+from coastwatch.tracks.radar.multi_hypothesis.choice import Pruning, choose_and_prune, ended, starts
+from coastwatch.tracks.radar.multi_hypothesis.decided import decide
+from coastwatch.tracks.radar.multi_hypothesis.messages import take_messages
+from coastwatch.tracks.radar.multi_hypothesis.trees import OWNED, forest_of, shares, with_roots, write_chosen
 from coastwatch.tracks.radar.parts import Parts, begin_tracks
-from coastwatch.tracks.radar.table import RadarMemory, Status, Table
+from coastwatch.tracks.radar.table import RadarMemory, Table
 
 LEAST_SHARE = 0.01  # probability of a leaf that widens the covariance of its track
-OWNED = 0.3  # a plot that a confirmed track has with more than this probability begins no track
 
 
 class MultiHypothesis(Settings):
@@ -44,7 +46,7 @@ class MultiHypothesis(Settings):
 
     def track_batch(self, parts: Parts, memory: RadarMemory, batch: PlotColumns) -> tuple[RadarMemory, Ints]:
         """Grow, choose and prune by a batch of one radar. Returns: memory, the slot of the chosen leaf that took each plot, or -1."""
-        forest, table, rules = self._forest(memory), memory.table, parts.existence
+        forest, table, rules = forest_of(memory, self.window), memory.table, parts.existence
         radar, sensors = int(batch.sensor[0]), parts.sensors.radars
         rates, densities = rules.by_number(memory.rates, sensors)
         detection, density = float(rates.probability[radar]), float(densities[radar])
@@ -52,18 +54,30 @@ class MultiHypothesis(Settings):
         unborn_per_m2 = float(rules.new_per_m2(rates.probability)[radar])
         nobody = false_per_m2 + unborn_per_m2
         period_s, before_s = float(sensors.period_s[radar]), table.looked_s[:, radar].copy()
-        look = Look(radar, period_s, detection, np.full(len(before_s), -np.inf), before_s, nobody, forest.next_plot)
-        grown = _grown(parts, forest.leaves, batch, look)
+        unseen_s, numbers = np.full(len(before_s), -np.inf), (forest.next_plot, len(forest.steps))
+        look = Look(radar, period_s, detection, unseen_s, before_s, nobody, numbers[0], numbers[1])
+        grown, steps = _grown(parts, forest, batch, look)
         looked = np.isfinite(look.time)
-        pruning = Pruning(self.window, self.leaves, self.score_gap, self.price_rounds, self.search_nodes)
-        pruned = choose_and_prune(pruning, forest, grown, looked, table.status)
-        forest = replace(forest, leaves=pruned.leaves, next_plot=forest.next_plot + len(batch.time))
-        taken = _write(parts, table, pruned, look, batch)
-        plots = _shares(table, pruned, look)
+        pruned = choose_and_prune(self._pruning, forest, grown, looked, table.status)
+        forest = forest.with_leaves(pruned.leaves, steps)
+        forest = replace(forest, next_plot=forest.next_plot + len(batch.time))
+        taken = write_chosen(parts, table, pruned, looked, look.number, batch)
+        at = pruned.slot[looked[pruned.slot]]
+        table.looked_s[at, radar] = look.time[at]
+        forest = decide(forest, table, pruned, looked)
+        plots = shares(table, pruned, len(batch.time), look.number)
         memory = memory.with_clutter(parts.clutter, batch, np.clip(1.0 - plots[2], 0.0, 1.0), period_s)
         existence = np.clip(1.0 - plots[0], 0.0, 1.0) * unborn_per_m2 / nobody
         existence[plots[1] > OWNED] = 0.0
         return _begin(parts, replace(memory, forest=forest), existence, batch), taken
+
+    def take_messages(self, parts: Parts, rules: Sequential, memory: RadarMemory, messages: Messages) -> RadarMemory:
+        """The memory after these messages, each at its own time. Args: messages: sorted by time."""
+        return take_messages(self._pruning, parts, rules, memory, messages)
+
+    @property
+    def _pruning(self) -> Pruning:
+        return Pruning(self.window, self.leaves, self.score_gap, self.price_rounds, self.search_nodes)
 
     def end_slice(
         self, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars, time_s: float
@@ -71,19 +85,20 @@ class MultiHypothesis(Settings):
         """Count the looks that gave a tree no plot, confirm and delete tracks. Args: as of `ExistenceManagement.end_slice`."""
         memory = self._count_missed_looks(parts, memory, radars, ours, every)
         upkeep = parts.existence.model_copy(update={"delete_misses": self.patience})
-        return upkeep.end_slice(memory, radars, ours, every, time_s)
+        memory = replace(memory, forest=memory.forest.with_slots(len(memory.table.track_id)))
+        return upkeep.end_slice(memory, radars, ours, every, time_s, memory.forest.until_s)
 
     def _count_missed_looks(
         self, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars
     ) -> RadarMemory:
-        forest, table, rules = self._forest(memory), memory.table, parts.existence
+        forest, table, rules = forest_of(memory, self.window), memory.table, parts.existence
         detection, missed = rules.by_number(memory.rates, every)[0].probability, kernels.tracks.hypothesis_trees.miss_looks
         touched = np.zeros(len(table.track_id), np.bool_)
         for place, radar in enumerate(ours.tolist()):
             turns = _turns(table, radars, place, radar, rules.look_slack)
             if turns.any():
                 period_s, before_s, none = float(radars.period[place]), table.looked_s[:, radar], np.zeros(0)
-                look = Look(radar, period_s, float(detection[radar]), none, before_s, none, 0)
+                look = Look(radar, period_s, float(detection[radar]), none, before_s, none, 0, 0)
                 missed(forest.leaves.columns, turns, look, rules.chain)
                 table.looked_s[:, radar] += turns * look.period
                 touched |= turns > 0
@@ -114,47 +129,11 @@ class MultiHypothesis(Settings):
         np.add.at(covariance, of, weight * (ahead.covariance + outer - now.covariance[of]))
         return now._replace(covariance=covariance)
 
-    def _forest(self, memory: RadarMemory) -> Forest:
-        """The leaves of the live tracks, with one of each track that has none.
 
-        Raises: ValueError where the memory is of another window.
-        """
-        table, forest, window = memory.table, memory.forest, self.window + 1
-        if not len(forest.leaves):
-            count, models = table.radar_s.shape[1], table.mode_probability.shape[1]
-            forest = replace(forest, leaves=Leaves.empty(W=window, R=count, J=models))
-        if forest.leaves.plot.shape[1] != window:
-            raise ValueError(f"memory of radar tracks: got a window of {forest.leaves.plot.shape[1] - 1}, needed {self.window}")
-        live = np.zeros(len(table.track_id), np.bool_)
-        live[table.live] = True
-        forest = forest.with_slots(len(live))
-        kept = live[forest.leaves.slot]
-        if not kept.all():
-            forest = replace(forest, leaves=forest.leaves.take(kept))
-        live[forest.leaves.slot] = False
-        roots = np.flatnonzero(live)
-        return _with_roots(forest, table, roots, np.full(len(roots), -1)) if len(roots) else forest
-
-
-def _with_roots(forest: Forest, table: Table, slots: Ints, plots: Ints) -> Forest:
-    """This forest with a leaf for each of these tracks, which have none. Args: plots: (N,) number of the newest plot, -1: unknown."""
-    count, width = len(slots), forest.leaves.plot.shape[1]
-    window = np.full((count, width), -1)
-    window[:, -1] = plots
-    of_table = {
-        f.name: getattr(table, f.name)[slots] for f in fields(Leaves) if f.name not in ("slot", "cost", "existence", "plot")
-    }
-    new = Leaves(slot=slots, cost=np.zeros(count), existence=np.full(count, SURELY), plot=window, **of_table)
-    existence = np.clip(table.existence[slots], 1.0 - SURELY, SURELY)
-    forest = forest.with_slots(len(table.track_id))
-    forest.null_cost[slots] = np.clip(np.log(existence) - np.log1p(-existence), -WIDEST, WIDEST)
-    forest.nulled[slots] = 0
-    return replace(forest, leaves=Leaves.join([forest.leaves, new]))
-
-
-def _grown(parts: Parts, leaves: Leaves, batch: PlotColumns, look: Look) -> Leaves:
-    """The children of leaves. The time of the look of each tree is written into `look`."""
-    rules, lively = parts.existence, np.full(len(leaves), parts.bank.models["noise"].max())
+def _grown(parts: Parts, forest: Forest, batch: PlotColumns, look: Look) -> tuple[Leaves, FilterSteps]:
+    """The children of leaves, and all steps of their filters. The time of the look of each tree is written into `look`."""
+    leaves, rules = forest.leaves, parts.existence
+    lively = np.full(len(leaves), parts.bank.models["noise"].max())
     limit, rows = gate(rules.gate_probability, 2), np.arange(len(leaves))
     pairs = kernels.tracks.gate.candidates(leaves.estimates._replace(noise=lively), rows, batch, limit, rules.late_s)
     due = batch.time[pairs.plot] - leaves.radar_s[pairs.track, look.radar] > 0.5 * look.period
@@ -164,38 +143,9 @@ def _grown(parts: Parts, leaves: Leaves, batch: PlotColumns, look: Look) -> Leav
     np.maximum.at(look.time, leaves.slot[leaf], batch.time[pairs.plot[due]])
     renewal_s = parts.bank.prior.renewal_s
     grow = kernels.tracks.hypothesis_trees.grow
-    return Leaves(*grow(leaves.columns, first, plot, look, batch, rules.chain, renewal_s, parts.bank.models))
-
-
-def _write(parts: Parts, table: Table, pruned: Pruned, look: Look, batch: PlotColumns) -> Ints:
-    """Write the chosen leaf of each tree that was looked at into its slot. Returns: (M,) slot that took each plot, -1: none."""
-    looked = np.isfinite(look.time)[pruned.slot]
-    slots, rows, leaves = pruned.slot[looked], pruned.start[:-1][looked], pruned.leaves
-    for f in fields(Leaves):
-        if f.name not in ("slot", "cost", "existence", "plot"):
-            getattr(table, f.name)[slots] = getattr(leaves, f.name)[rows]
-    table.existence[slots] = pruned.existence[looked]
-    table.looked_s[slots, look.radar] = look.time[slots]
-    new = leaves.plot[rows, -1] - look.number
-    got = np.flatnonzero(new >= 0)
-    taken = np.full(len(batch.time), -1)
-    taken[new[got][::-1]] = slots[got][::-1]
-    kernels.tracks.track_life.record(table.life, slots[got], new[got], batch)
-    table.note_moved(parts.clutter, slots)
-    return taken
-
-
-def _shares(table: Table, pruned: Pruned, look: Look) -> tuple[Floats, Floats, Floats]:
-    """The probability of each plot (M) that it is of a track; of the confirmed track that has it most; and of one that moves."""
-    leaves, count = pruned.leaves, len(look.nobody)
-    new = np.flatnonzero(leaves.plot[:, -1] >= look.number)
-    plot, share, slot = leaves.plot[new, -1] - look.number, pruned.share[new], leaves.slot[new]
-    confirmed: Bools = table.status[slot] == Status.CONFIRMED
-    pair, of = np.unique(np.column_stack([plot[confirmed], slot[confirmed]]), axis=0, return_inverse=True)
-    owned = np.zeros(count)
-    np.maximum.at(owned, pair[:, 0], np.bincount(of.ravel(), share[confirmed], len(pair)))
-    of_any, of_moving = (np.asarray(np.bincount(plot, one, count), np.float64) for one in (share, share * table.moving(slot)))
-    return of_any, owned, of_moving
+    grown, steps = grow(leaves.columns, first, plot, look, batch, rules.chain, renewal_s, parts.bank.models)
+    new = FilterSteps(*steps, np.full(len(plot), look.radar))
+    return Leaves(*grown), FilterSteps.join([forest.steps, new])
 
 
 def _begin(parts: Parts, memory: RadarMemory, existence: Floats, batch: PlotColumns) -> RadarMemory:
@@ -208,7 +158,7 @@ def _begin(parts: Parts, memory: RadarMemory, existence: Floats, batch: PlotColu
     slots = table.live[-len(plots) :]
     table.existence[slots] = existence[plots]
     numbers = forest.next_plot - len(batch.time) + plots
-    return replace(memory, forest=_with_roots(forest, table, slots, numbers))
+    return replace(memory, forest=with_roots(forest, table, slots, numbers))
 
 
 def _turns(table: Table, radars: RadarColumns, place: int, radar: int, slack: float) -> Ints:

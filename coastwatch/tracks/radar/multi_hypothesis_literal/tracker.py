@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
+from coastwatch.batches import Bools, DecidedPath, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
@@ -82,9 +82,11 @@ class MultiHypothesisLiteral(Method, InitiationSettings):
         """AIS messages are in the tracks that it reports."""
         return True
 
-    def messages_of(self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int) -> Messages:
-        """The AIS messages of a cycle that a region is given. Args: reports: that went into these AIS tracks."""
-        return messages_of(reports, ais, sensors, region)
+    def messages_of(
+        self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
+    ) -> Messages:
+        """The AIS messages of a cycle that a region is given. Args: as of `coastwatch.tracks.radar.messages.messages_of`."""
+        return messages_of(reports, ais, sensors, region, interval_s)
 
     def init(self) -> ForestMemory:
         """No track."""
@@ -119,7 +121,7 @@ class MultiHypothesisLiteral(Method, InitiationSettings):
             number[look.row] = taken
         tracks = self._report(memory, radars, time_s, sensors, region)
         measurements = report_measurements(tracks, number, plots, sensors, region)
-        return memory, RegionOutput(tracks, measurements, StandingEchoes.empty(), int((~good).sum()))
+        return memory, RegionOutput(tracks, measurements, StandingEchoes.empty(), int((~good).sum()), DecidedPath.empty())
 
     def _looks(self, memory: ForestMemory, plots: Plots, time_s: float, radars: RadarColumns) -> list[_Taken]:
         """The looks of a cycle by time: the plots of each radar, or a look without plots if none has come for a turn."""

@@ -1,0 +1,118 @@
+"""Trees of leaves beside the table of tracks: roots of new tracks, and what a look writes into the slots of its trees."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import Bools, Floats, Ints
+from coastwatch.kernels.tracks.columns import NAMES, PlotColumns
+from coastwatch.kernels.tracks.existence import SURELY
+from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
+from coastwatch.tracks.radar.multi_hypothesis.choice import WIDEST, Pruned
+from coastwatch.tracks.radar.parts import Parts
+from coastwatch.tracks.radar.table import RadarMemory, Status, Table
+
+HELD = 0.9  # an id of this probability is that of the only leaf of a track of another tracker
+AGREED = 0.02  # leaves above this probability must have one MMSI, so that the track has it
+NAMED = 0.995  # probability of an MMSI on which the leaves agree
+OWNED = 0.3  # a plot that a confirmed track has with more than this probability begins no track
+OF_LEAVES = ("slot", "cost", "existence", "mmsi", "plot", "step")  # columns that a table of tracks does not have
+
+
+def forest_of(memory: RadarMemory, looks: int) -> Forest:
+    """The leaves of the live tracks, with one of each track that has none. Args: looks: of a window.
+
+    Raises: ValueError where the memory is of another window.
+    """
+    table, forest, window = memory.table, memory.forest, looks + 1
+    if not len(forest.leaves):
+        count, models = table.radar_s.shape[1], table.mode_probability.shape[1]
+        forest = replace(forest, leaves=Leaves.empty(W=window, R=count, J=models))
+    if forest.leaves.plot.shape[1] != window:
+        raise ValueError(f"memory of radar tracks: got a window of {forest.leaves.plot.shape[1] - 1}, needed {looks}")
+    live = np.zeros(len(table.track_id), np.bool_)
+    live[table.live] = True
+    forest = forest.with_slots(len(live))
+    kept = live[forest.leaves.slot]
+    if not kept.all():
+        forest = replace(forest, leaves=forest.leaves.take(kept))
+    live[forest.leaves.slot] = False
+    roots = np.flatnonzero(live)
+    return with_roots(forest, table, roots, np.full(len(roots), -1)) if len(roots) else forest
+
+
+def with_roots(forest: Forest, table: Table, slots: Ints, plots: Ints) -> Forest:
+    """This forest with a leaf for each of these tracks, which have none. Args: plots: (N,) number of the newest plot, -1: unknown."""
+    count, width = len(slots), forest.leaves.plot.shape[1]
+    window, step = np.full((2, count, width), -1)
+    window[:, -1] = plots
+    step[:, -1] = len(forest.steps) + np.arange(count)
+    begun = table.updated_s[slots], *(2 * [table.combined_mean[slots], table.combined_covariance[slots]])
+    radar = np.where(np.isfinite(table.radar_s[slots]).any(axis=1), table.radar_s[slots].argmax(axis=1), -1)
+    steps = FilterSteps.join([forest.steps, FilterSteps(*begun, radar)])
+    of_table = {f.name: getattr(table, f.name)[slots] for f in fields(Leaves) if f.name not in OF_LEAVES}
+    own = {"slot": slots, "cost": np.zeros(count), "existence": np.full(count, SURELY), "plot": window, "step": step}
+    new = Leaves(**own, mmsi=table.probable_ids(slots, HELD), **of_table)
+    existence = np.clip(table.existence[slots], 1.0 - SURELY, SURELY)
+    forest = forest.with_slots(len(table.track_id))
+    forest.null_cost[slots] = np.clip(np.log(existence) - np.log1p(-existence), -WIDEST, WIDEST)
+    forest.nulled[slots] = 0
+    forest.until_s[slots] = -np.inf
+    return replace(forest, leaves=Leaves.join([forest.leaves, new]), steps=steps)
+
+
+def write_chosen(parts: Parts, table: Table, pruned: Pruned, looked: Bools, first: int, batch: PlotColumns) -> Ints:
+    """Write the chosen leaf of each tree that was looked at into its slot. Args: looked: (S,); first: number of the first plot.
+
+    Returns: (M,) slot that took each plot or message, -1: none.
+    """
+    here, leaves = looked[pruned.slot], pruned.leaves
+    slots, rows = pruned.slot[here], pruned.start[:-1][here]
+    for f in fields(Leaves):
+        if f.name not in OF_LEAVES:
+            getattr(table, f.name)[slots] = getattr(leaves, f.name)[rows]
+    table.existence[slots] = pruned.existence[here]
+    new = leaves.plot[rows, -1] - first
+    got = np.flatnonzero(new >= 0)
+    taken = np.full(len(batch.time), -1)
+    taken[new[got][::-1]] = slots[got][::-1]
+    kernels.tracks.track_life.record(table.life, slots[got], new[got], batch)
+    table.note_moved(parts.clutter, slots)
+    if (leaves.mmsi >= 0).any() or (table.ids[slots, 0] >= 0).any():
+        _write_names(table, pruned)
+    return taken
+
+
+def _write_names(table: Table, pruned: Pruned) -> None:
+    """Write the MMSI of each tree whose probable leaves agree on it, and none where they do not, in place."""
+    first, mmsi, slots = pruned.start[:-1], pruned.leaves.mmsi, pruned.slot
+    exists = np.repeat(np.add.reduceat(pruned.share, first), np.diff(pruned.start))
+    heard = pruned.share > AGREED * exists
+    heard[first] = True  # the chosen ones
+    least = np.minimum.reduceat(np.where(heard, mmsi, np.iinfo(np.int64).max), first)
+    agreed = (least >= 0) & (least == np.maximum.reduceat(np.where(heard, mmsi, -1), first))
+    table.ids[slots, 0] = np.where(agreed, least, -1)
+    table.id_probability[slots, 1] = np.where(agreed, NAMED, 0.0)
+    table.id_probability[slots, 2 : NAMES + 1] = 0.0
+    unknown = np.where(agreed, 0.0, table.id_probability[slots, 0])
+    table.id_probability[slots, 0] = unknown
+    table.id_probability[slots, NAMES + 1] = 1.0 - table.id_probability[slots, 1] - unknown
+
+
+def shares(table: Table, pruned: Pruned, count: int, first: int) -> tuple[Floats, Floats, Floats]:
+    """The probability of each plot (M) that it is of a track; of the confirmed track that has it most; and of one that moves.
+
+    Args: count: M, of plots or messages; first: number of the first.
+    """
+    leaves = pruned.leaves
+    new = np.flatnonzero(leaves.plot[:, -1] >= first)
+    plot, share, slot = leaves.plot[new, -1] - first, pruned.share[new], leaves.slot[new]
+    confirmed: Bools = table.status[slot] == Status.CONFIRMED
+    pair, of = np.unique(np.column_stack([plot[confirmed], slot[confirmed]]), axis=0, return_inverse=True)
+    owned = np.zeros(count)
+    np.maximum.at(owned, pair[:, 0], np.bincount(of.ravel(), share[confirmed], len(pair)))
+    of_any, of_moving = (np.asarray(np.bincount(plot, one, count), np.float64) for one in (share, share * table.moving(slot)))
+    return of_any, owned, of_moving

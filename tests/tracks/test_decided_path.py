@@ -1,0 +1,134 @@
+"""The decided past of multi-hypothesis tracks: smoothed, each plot once, the same after a restart; and lives by AIS messages alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, two_radars, world
+
+from coastwatch.batches import DecidedPath, Messages, Tracks
+from coastwatch.geodesy import to_plane
+from coastwatch.server.checkpoint import load, save
+from coastwatch.tracks import RegionInput, TableTracker
+
+pytestmark = pytest.mark.contract
+
+CYCLES = 20
+MMSI = 219_002_000
+
+
+def messages_of(truth, vessels, every_s, mmsi):
+    """Messages of 5 m from these vessels. Args: mmsi: of each."""
+    time = np.tile(np.arange(1.0, PERIOD_S * CYCLES, every_s), len(vessels))
+    vessel = np.repeat(vessels, len(time) // len(vessels))
+    order = np.argsort(time, kind="stable")
+    time, vessel = time[order], vessel[order]
+    place = truth.at(vessel, time)[0] + 5.0 * np.random.default_rng(5).standard_normal((len(time), 2))
+    spread, waits = np.tile(25.0 * np.eye(2), (len(time), 1, 1)), np.full(len(time), every_s)
+    return Messages(time, place, spread, np.asarray(mmsi)[vessel], vessel, interval_s=waits)
+
+
+def run(method, plots, messages, cycles=range(CYCLES), memory=None, through=lambda memory: memory):
+    """Memory, tracks and decided states of each cycle. Args: through: what becomes of the memory after a cycle."""
+    memory, tracks, decided = method.init() if memory is None else memory, [], []
+    for cycle in cycles:
+        end_s = PERIOD_S * (cycle + 1)
+        now = messages.take((messages.time_s > end_s - PERIOD_S) & (messages.time_s <= end_s))
+        given = RegionInput.of_plots(cut(plots, cycle), end_s, two_radars())._replace(messages=now)
+        memory, found = method.step(memory, given)
+        memory = through(memory)
+        tracks.append(found.tracks)
+        decided.append(found.decided)
+    return memory, tracks, decided
+
+
+@pytest.fixture(scope="module")
+def scene():
+    truth = world(16, 61, side_nm=3.0)
+    plots = plots_of(truth, two_radars(), PERIOD_S * CYCLES, 61, detection=0.8, clutter_per_m2=5e-7)
+    return truth, plots, messages_of(truth, np.arange(4), 6.0, MMSI + np.arange(16))
+
+
+def errors_m(truth, tracks, track_id, position_deg, time_s):
+    """How far states are from the vessels of their tracks. Args: tracks: say of which vessel each track is."""
+    order = np.argsort(tracks.track_id, kind="stable")
+    at = np.searchsorted(tracks.track_id[order], track_id)
+    vessel = tracks.origin[order][np.minimum(at, len(order) - 1)]
+    known = np.isin(track_id, tracks.track_id) & (vessel >= 0)
+    where, _ = truth.at(vessel[known], time_s[known])
+    return np.hypot(*(to_plane(position_deg[known], ORIGIN_DEG) - where).T)
+
+
+def test_the_decided_past_is_more_exact_than_what_was_shown(scene):
+    truth, plots, messages = scene
+    _, tracks, decided = run(TableTracker(method="multi_hypothesis"), plots, messages)
+    last, shown, past = tracks[-1], Tracks.join(tracks[6:]), DecidedPath.join(decided)
+    assert len(past) > 150
+    online = errors_m(truth, last, shown.track_id, shown.position_deg, shown.time_s)
+    smoothed = errors_m(truth, last, past.track_id, past.position_deg, past.time_s)
+    assert np.sqrt((smoothed**2).mean()) < 0.75 * np.sqrt((online**2).mean())
+    sigma = np.sqrt(past.covariance[:, 0, 0] + past.covariance[:, 1, 1])
+    assert (np.linalg.eigvalsh(past.covariance) > 0.0).all()
+    assert 0.5 < np.sqrt((smoothed**2).mean() / (sigma**2).mean()) < 1.5
+    assert {-1, 0, 1} == set(past.radar.tolist())
+    instants = np.column_stack([past.track_id, past.time_s])
+    assert len(np.unique(instants, axis=0)) == len(past)
+    for one in decided:
+        assert (np.diff(one.track_id) >= 0).all()
+    age_s = np.concatenate([PERIOD_S * (k + 1) - one.time_s for k, one in enumerate(decided)])
+    assert age_s.min() > 0.0
+    assert np.median(age_s) < 15.0
+
+
+def test_a_run_that_is_saved_in_each_open_decision_is_the_same_to_the_bit(scene):
+    _, plots, messages = scene
+    method = TableTracker(method="multi_hypothesis")
+    memory, tracks, decided = run(method, plots, messages, range(10))
+    again, resumed, past = run(method, plots, messages, range(10), through=lambda memory: load(save(memory)))
+    assert (memory.forest.leaves.plot >= 0).any()
+    for one, other in ((tracks[-1], resumed[-1]), (DecidedPath.join(decided), DecidedPath.join(past))):
+        assert np.array_equal(one.position_deg, other.position_deg)
+        assert np.array_equal(one.covariance, other.covariance)
+    assert np.array_equal(memory.forest.leaves.step, again.forest.leaves.step)
+
+
+def test_other_trackers_decide_nothing_later(scene):
+    _, plots, messages = scene
+    _, _, decided = run(TableTracker(method="vimmjipda"), plots, messages, range(4))
+    assert sum(map(len, decided)) == 0
+
+
+def test_a_step_of_no_row_is_refused(scene):
+    _, plots, messages = scene
+    memory, *_ = run(TableTracker(method="multi_hypothesis"), plots, messages, range(3))
+    memory.forest.leaves.step[0, -1] = 10**6
+    with pytest.raises(ValueError, match=r"Leaves\.step"):
+        load(save(memory))
+
+
+def test_an_odd_mmsi_is_no_identity_and_its_messages_are_used(scene):
+    truth, plots, _ = scene
+    names = np.full(16, 11_930_446)
+    names[1] = MMSI
+    _, tracks, decided = run(TableTracker(method="multi_hypothesis"), plots, messages_of(truth, np.arange(2), 6.0, names))
+    held = dict(zip(tracks[-1].origin.tolist(), tracks[-1].held_mmsi.tolist(), strict=True))
+    assert held[0] == -1
+    assert held[1] == MMSI
+    assert np.unique(tracks[-1].origin, return_counts=True)[1].max() == 1
+    by_message = DecidedPath.join(decided)
+    by_message = by_message.take(by_message.radar < 0)
+    of_odd = tracks[-1].track_id[tracks[-1].origin == 0][0]
+    assert (by_message.track_id == of_odd).sum() >= 4
+
+
+def test_a_vessel_that_radars_lose_lives_by_its_messages_and_ends_when_they_stay_away():
+    truth = world(1, 62, kick_m_s=0.0, side_nm=1.0)
+    plots = plots_of(truth, two_radars(), PERIOD_S * CYCLES, 62)
+    plots = plots.take(plots.time_s < 12.0)
+    method = TableTracker(method="multi_hypothesis", upkeep={"coast_s": 9.0})
+    slow = messages_of(truth, np.arange(1), 10.0, [MMSI])
+    _, tracks, _ = run(method, plots, slow)
+    assert [len(one) for one in tracks[4:]] == [1] * (CYCLES - 4)
+    assert len(np.unique(np.concatenate([one.track_id for one in tracks[4:]]))) == 1
+    _, tracks, _ = run(method, plots, slow.take(slow.time_s < 25.0))
+    assert [len(one) for one in tracks[-4:]] == [0] * 4
