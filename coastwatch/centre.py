@@ -39,6 +39,7 @@ from coastwatch.batches import (
     BearingMembers,
     BearingTracks,
     Bools,
+    DecidedPath,
     EventChanges,
     Extractions,
     FusedTracks,
@@ -117,6 +118,7 @@ class Cycle:
     track_sources: TrackSourceStates = field(default_factory=TrackSourceStates.empty)
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # empty where none is learnt
     standing_echoes: StandingEchoes = field(default_factory=StandingEchoes.empty)  # empty where no clutter map is learnt
+    decided: DecidedPath = field(default_factory=DecidedPath.empty)  # of radar tracks; empty for trackers that decide at once
     vessel_alarms: VesselAlarms = field(default_factory=VesselAlarms.empty)
     events: EventChanges = field(default_factory=EventChanges.empty)  # flags and alarms that begin or end
     unsound: int = 0  # vessels that were left out of the picture, because their state is none

@@ -16,6 +16,7 @@ from coastwatch.batches import (
     AisAlarms,
     AisDetection,
     BearingTracks,
+    DecidedPath,
     ExpectedVessels,
     Extractions,
     Fault,
@@ -202,6 +203,7 @@ def run_cycle(
         track_sources=s.received_tracks.summary(received_memory, sensors),
         radar_cover=radar_cover,
         standing_echoes=StandingEchoes.join([region.standing_echoes for region in regional]),
+        decided=DecidedPath.join([region.decided for region in regional]),
         left_out=left_out,
         extractions=Extractions.join([region.extractions for region in regional]),
     )

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from coastwatch.batches import (
+    DecidedPath,
     Extractions,
     Ints,
     Measurements,
@@ -63,6 +64,7 @@ class RegionCycle:
     measurements: Measurements  # the plots and messages of this cycle in these tracks
     standing_echoes: StandingEchoes
     plots: Plots  # for registration and cover
+    decided: DecidedPath  # the past that became final; empty for trackers that decide at once
     extractions: Extractions = field(default_factory=Extractions.empty)
 
 
@@ -90,13 +92,14 @@ def run_regional_centre(
     tracks_memory, found = Running(tracker, memory.tracks).next(
         RegionInput(plots, given.messages, jumped, given.time_s, sensors, given.region)
     )
-    measurements, standing = found.measurements, found.standing_echoes
+    measurements, standing, decided = found.measurements, found.standing_echoes, found.decided
     after = RegionMemory(extraction_memory, plots_memory, tracks_memory, memory.dropped + found.dropped)
     return after, RegionCycle(
         found.tracks,
         replace(measurements, sensor=radars[measurements.sensor]),
         replace(standing, radar=radars[standing.radar]),
         replace(plots, sensor=radars[plots.sensor]),
+        replace(decided, radar=np.where(decided.radar < 0, -1, radars[np.maximum(decided.radar, 0)])),
         replace(summary, radar=radars[summary.radar]),
     )
 

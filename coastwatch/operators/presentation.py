@@ -209,7 +209,7 @@ def _check_span(from_s: float | None, to_s: float | None) -> None:
         raise InputError(f"--from: got {utc_text(from_s)}, needed an instant before --to, {utc_text(to_s)}")
 
 
-TABLES = ("history", "events", "members", "associations", "bearing_associations")
+TABLES = ("history", "decided", "events", "members", "associations", "bearing_associations")
 """Of a vessel, in this order."""
 
 
@@ -234,6 +234,11 @@ def vessel(database: Store, run_row: Run, vessel_id: int) -> Vessel:
         {key.replace("_", " "): STATISTICS[method] for key, method in methods.items() if method in STATISTICS},
         tuple((first, LAST if last is None else last) for first, last, _ in track.stays.rows),
     )
+
+
+def decided_path(database: Store, run_id: int, vessel_id: int) -> Rows:
+    """The corrected past of a vessel, by time. Raises: StoreError if the run never had it."""
+    return in_operator_units(store.decided_path(database, run_id, vessel_id))
 
 
 SILENT_TURNS, SILENT_LEAST_S, SILENT_AIS_S = 3.0, 10.0, 60.0

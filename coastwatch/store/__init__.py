@@ -23,6 +23,7 @@ from coastwatch.store.read.history_queries import encounters as encounters
 from coastwatch.store.read.history_queries import history as history
 from coastwatch.store.read.history_queries import traffic as traffic
 from coastwatch.store.read.picture_queries import bearing_tracks as bearing_tracks
+from coastwatch.store.read.picture_queries import decided_path as decided_path
 from coastwatch.store.read.picture_queries import newest_statics as newest_statics
 from coastwatch.store.read.picture_queries import picture as picture
 from coastwatch.store.read.picture_queries import track as track

@@ -169,6 +169,25 @@ CREATE TABLE cycle (
 
 CREATE INDEX cycle_time ON cycle (run_id, time_s);
 
+CREATE TABLE decided_path (
+	run_id BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	number BIGINT NOT NULL,
+	time_s FLOAT(53) NOT NULL,
+	latitude_deg FLOAT(53) NOT NULL,
+	longitude_deg FLOAT(53) NOT NULL,
+	sog_kn FLOAT(53),
+	cog_deg FLOAT(53),
+	major_m FLOAT(53),
+	minor_m FLOAT(53),
+	orientation_deg FLOAT(53),
+	track_id BIGINT NOT NULL,
+	radar BIGINT,
+	PRIMARY KEY (run_id, cycle, vessel_id, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
 CREATE TABLE event (
 	run_id BIGINT NOT NULL,
 	vessel_id BIGINT NOT NULL,

@@ -173,6 +173,26 @@ CREATE TABLE cycle (
 
 CREATE INDEX cycle_time ON cycle (run_id, time_s);
 
+CREATE TABLE decided_path (
+	run_id INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	number INTEGER NOT NULL,
+	time_s FLOAT NOT NULL,
+	latitude_deg FLOAT NOT NULL,
+	longitude_deg FLOAT NOT NULL,
+	sog_kn FLOAT,
+	cog_deg FLOAT,
+	major_m FLOAT,
+	minor_m FLOAT,
+	orientation_deg FLOAT,
+	track_id INTEGER NOT NULL,
+	radar INTEGER,
+	PRIMARY KEY (run_id, cycle, vessel_id, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
 CREATE TABLE event (
 	run_id INTEGER NOT NULL,
 	vessel_id INTEGER NOT NULL,

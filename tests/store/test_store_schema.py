@@ -40,6 +40,7 @@ SINCE_0001 = {
     "event_gap",
     "sensor_cover",
     "standing_echo",
+    "decided_path",
     "acknowledgement",
     "audit",
     "track_journal",
@@ -158,7 +159,15 @@ def test_a_database_of_the_first_schema_comes_along_with_all_its_rows(url: str, 
                 ours = (
                     []
                     if name
-                    in ("sensor_registration", "sensor_cover", "standing_echo", "acknowledgement", "zone", "region_intake")
+                    in (
+                        "sensor_registration",
+                        "sensor_cover",
+                        "standing_echo",
+                        "decided_path",
+                        "acknowledgement",
+                        "zone",
+                        "region_intake",
+                    )
                     else rows[name]
                 )  # nothing of it then
                 if name == "identity":  # all stays of an MMSI with a vessel are one, open while the last one is

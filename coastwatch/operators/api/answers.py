@@ -230,13 +230,32 @@ def history(
     end: Annotated[str | None, Query(alias="to", max_length=40)] = None, limit: Limit = 5000,
 ) -> Response:  # fmt: skip
     """The newest points of a vessel's path between two instants, oldest first."""
-    from_s, to_s = parsed(utc, "from", start), parsed(utc, "to", end)
-    rows = _vessel(service, vessel_id)[1].tables["history"]
+    span_s = parsed(utc, "from", start), parsed(utc, "to", end)
+    return _between(_vessel(service, vessel_id)[1].tables["history"], form, "history", vessel_id, span_s, limit)
+
+
+@router.get("/vessels/{vessel_id}/decided", responses=ROWS)
+def decided(
+    vessel_id: VesselId, service: In, form: As, start: Annotated[str | None, Query(alias="from", max_length=40)] = None,
+    end: Annotated[str | None, Query(alias="to", max_length=40)] = None, limit: Limit = 5000,
+) -> Response:  # fmt: skip
+    """The newest states of a vessel's corrected past between two instants, oldest first. The history stays what the watch saw."""
+    run_id = service.run_row()["id"]
+    try:
+        rows = presentation.decided_path(service.store, run_id, vessel_id)
+    except NotThere as error:
+        raise HTTPException(404, f"run {run_id} never had a vessel {vessel_id}") from error
+    return _between(rows, form, "decided", vessel_id, (parsed(utc, "from", start), parsed(utc, "to", end)), limit)
+
+
+def _between(
+    rows: Rows, form: str, name: str, vessel_id: int, span_s: tuple[float | None, float | None], limit: int
+) -> Response:
+    """The newest rows of a vessel between two instants."""
+    from_s, to_s = span_s
     when = [utc(text) for text in rows.column("time_utc")]
     kept = [row for row, s in zip(rows.rows, when, strict=True) if (from_s or -np.inf) <= s <= (to_s or np.inf)]
-    return _answer(
-        Rows(rows.columns, kept[-limit:] if limit else []), form, "history", {"vessel_id": vessel_id, "total": len(kept)}
-    )
+    return _answer(Rows(rows.columns, kept[-limit:] if limit else []), form, name, {"vessel_id": vessel_id, "total": len(kept)})
 
 
 class ChosenAlarms(BaseModel):

@@ -312,7 +312,8 @@ def picture(parser: argparse.ArgumentParser) -> None:
 @_command("track", "read:track", "show one vessel and its history")
 def track(parser: argparse.ArgumentParser) -> None:
     """One vessel: its details, its alarms, its tracks, its associations and its history, the newest rows of each. --json prints
-    all rows of all; csv, geojson, parquet and gpx have the history, gpx as a track for a chart plotter.
+    all rows of all; csv, geojson, parquet and gpx have the history, gpx as a track for a chart plotter. The history is what the
+    watch saw. With --decided: its corrected past instead, the line to print after an incident.
     """
     parser.add_argument("vessel", metavar="ID", type=whole, help="vessel id, as in `coastwatch picture` (not the MMSI)")
     add_db(parser)
@@ -321,6 +322,8 @@ def track(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--limit", metavar="N", type=count, default=20, help="newest rows of each table that are shown (default: 20)"
     )
+    text = "show where it was by what came later: states that a tracker decided and smoothed (`multi_hypothesis`)"
+    parser.add_argument("--decided", action="store_true", help=text)
 
 
 @_command("traffic", "read:traffic", "show the vessels in a box in a time span")

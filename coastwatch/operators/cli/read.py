@@ -63,6 +63,8 @@ def runs(options: argparse.Namespace) -> int:
 
 def track(options: argparse.Namespace) -> int:
     with _run(options) as (store, run):
+        if options.decided:
+            return _decided(options, presentation.decided_path(store, run["id"], options.vessel))
         vessel = presentation.vessel(store, run, options.vessel)
     if options.format == "json":
         export.write_text(json.dumps(export.as_vessel(vessel), allow_nan=False) + "\n", options.output)
@@ -78,6 +80,16 @@ def track(options: argparse.Namespace) -> int:
             newest = Rows(rows.columns, rows.rows[-options.limit :])
             text.append(f"\n{title}{left_out}{meaning}\n{export.as_table(newest)}")
         export.write_text("".join(text), options.output)
+    return 0
+
+
+def _decided(options: argparse.Namespace, rows: Rows) -> int:
+    """Writes the corrected past of a vessel."""
+    if options.format == "gpx":
+        export.write_text(export.as_gpx_track(f"vessel {options.vessel}, decided", [rows] if rows.rows else []), options.output)
+        return 0
+    newest = Rows(rows.columns, rows.rows[-options.limit :]) if options.format == "table" else rows
+    export.write(newest, options.format, options.output)
     return 0
 
 

@@ -18,6 +18,7 @@ from coastwatch.store.schema.tables import (
     ASSOCIATION,
     BEARING_ASSOCIATION,
     CYCLE,
+    DECIDED_PATH,
     EVENT_GAP,
     HISTORY,
     SENSOR_REGISTRATION,
@@ -27,7 +28,7 @@ from coastwatch.store.schema.tables import (
     VESSEL,
 )
 
-OF_CYCLE = (STAGE_TIMING, HISTORY, ASSOCIATION, BEARING_ASSOCIATION, SPOT, SENSOR_REGISTRATION, EVENT_GAP)
+OF_CYCLE = (STAGE_TIMING, HISTORY, DECIDED_PATH, ASSOCIATION, BEARING_ASSOCIATION, SPOT, SENSOR_REGISTRATION, EVENT_GAP)
 """Tables whose rows belong to the cycle in their column `cycle`."""
 
 OF_RUN = "run_id = {run}"

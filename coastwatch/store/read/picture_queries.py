@@ -24,6 +24,7 @@ from coastwatch.store.schema.tables import (
     BEARING_ASSOCIATION,
     BEARING_TRACK,
     CYCLE,
+    DECIDED_PATH,
     EVENT,
     EVENT_GAP,
     HISTORY,
@@ -31,6 +32,7 @@ from coastwatch.store.schema.tables import (
     MEMBER_HISTORY,
     PRESENCE,
     RUN,
+    SENSOR,
     SOURCE,
     VESSEL,
     VESSEL_STATIC,
@@ -62,11 +64,16 @@ LAST_AIS = ("last_ais_mmsi", "last_ais_name", "last_ais_until_s")
 Columns = dict[str, Array]
 
 
+NEWEST_DECIDED = 1000
+"""States of the corrected past that `track` answers, at most: one in each look."""
+
+
 class VesselTrack(NamedTuple):
     """One vessel through time, the oldest first."""
 
     vessel: dict[str, Any]  # its newest row, whether that is of now (`in_picture`), and its last AIS
     history: Table  # its points
+    decided: Rows  # the newest states of its corrected past
     events: Rows
     members: Rows
     stays: Rows
@@ -99,29 +106,36 @@ def picture(
 
 def track(store: Store, run_id: int, vessel_id: int) -> VesselTrack:
     """One vessel of a run. Raises: StoreError where the run never had it."""
-    stays = select(PRESENCE.c.from_cycle, PRESENCE.c.to_cycle, PRESENCE.c.since_s)
-    stays = stays.where(PRESENCE.c.run_id == run_id, PRESENCE.c.vessel_id == vessel_id).order_by(PRESENCE.c.from_cycle)
     with reading(store) as connection:
-        there = fetch_rows(connection, stays)
-        if not there.rows:
-            run_exists(connection, store, run_id)
-            i = IDENTITY.c
-            had = select(i.vessel_id).where(i.run_id == run_id, i.mmsi == vessel_id).distinct().order_by(i.vessel_id)
-            vessels = [str(vessel) for vessel in connection.scalars(had)]
-            hint = f"it is the MMSI of vessel {', '.join(vessels)}: `coastwatch track {vessels[-1]}`" if vessels else ""
-            hint = hint or "`coastwatch picture` lists their ids"
-            raise NotThere(f"{store.where}: run {run_id} never had a vessel {vessel_id}; {hint}")
+        there = _stays(connection, store, run_id, vessel_id)
         history, members = points_of(connection, run_id, vessel_id), fetch_rows(connection, _members(run_id, vessel_id))
         newest = _newest_row(connection, run_id, vessel_id, there)
         return VesselTrack(
             newest | _last_ais(connection, run_id, history, members, is_here=bool(newest["in_picture"])),
             history,
+            _decided(connection, run_id, vessel_id, NEWEST_DECIDED),
             fetch_rows(connection, _events(run_id, vessel_id)),
             members,
             there,
             fetch_rows(connection, _rows_of_vessel(ASSOCIATION, run_id, vessel_id)),
             fetch_rows(connection, _rows_of_vessel(BEARING_ASSOCIATION, run_id, vessel_id)),
         )
+
+
+def _stays(connection: Connection, store: Store, run_id: int, vessel_id: int) -> Rows:
+    """When a vessel was in the picture. Raises: StoreError where the run never had it."""
+    stays = select(PRESENCE.c.from_cycle, PRESENCE.c.to_cycle, PRESENCE.c.since_s)
+    stays = stays.where(PRESENCE.c.run_id == run_id, PRESENCE.c.vessel_id == vessel_id).order_by(PRESENCE.c.from_cycle)
+    there = fetch_rows(connection, stays)
+    if not there.rows:
+        run_exists(connection, store, run_id)
+        i = IDENTITY.c
+        had = select(i.vessel_id).where(i.run_id == run_id, i.mmsi == vessel_id).distinct().order_by(i.vessel_id)
+        vessels = [str(vessel) for vessel in connection.scalars(had)]
+        hint = f"it is the MMSI of vessel {', '.join(vessels)}: `coastwatch track {vessels[-1]}`" if vessels else ""
+        hint = hint or "`coastwatch picture` lists their ids"
+        raise NotThere(f"{store.where}: run {run_id} never had a vessel {vessel_id}; {hint}")
+    return there
 
 
 def bearing_tracks(store: Store, run_id: int) -> Rows:
@@ -303,6 +317,31 @@ def _of_keys(
     columns = [table.c[name] for name in names]
     few = [is_one_of(connection, columns[0], keys)] if len(keys) <= FEW else []
     return fetch_arrays(connection, select(*columns).where(table.c.run_id == run_id, *where, *few))
+
+
+def decided_path(store: Store, run_id: int, vessel_id: int, newest: int | None = None) -> Rows:
+    """The corrected past of a vessel, by time; empty where its tracker decides at once. Args: newest: states, at most; none: all.
+
+    Raises: StoreError where the run never had the vessel.
+    """
+    with reading(store) as connection:
+        _stays(connection, store, run_id, vessel_id)
+        return _decided(connection, run_id, vessel_id, newest)
+
+
+def _decided(connection: Connection, run_id: int, vessel_id: int, newest: int | None) -> Rows:
+    """The corrected past of a vessel, by time, by seeking the key (run, cycle, vessel) in each cycle of its stays."""
+    d, same = DECIDED_PATH.c, and_(SENSOR.c.run_id == DECIDED_PATH.c.run_id, SENSOR.c.kind == "radar")
+    stay = and_(PRESENCE.c.run_id == CYCLE.c.run_id, PRESENCE.c.vessel_id == vessel_id, PRESENCE.c.from_cycle <= CYCLE.c.number)
+    lasts = or_(PRESENCE.c.to_cycle.is_(None), PRESENCE.c.to_cycle >= CYCLE.c.number)
+    there = select(CYCLE.c.number).join(PRESENCE, and_(stay, lasts)).where(CYCLE.c.run_id == run_id)
+    columns = d.time_s, d.latitude_deg, d.longitude_deg, d.sog_kn, d.cog_deg, d.major_m, d.minor_m, d.orientation_deg
+    query = select(*columns, d.track_id, SENSOR.c.name.label("radar"), d.cycle.label("decided_cycle"))
+    query = query.select_from(DECIDED_PATH.outerjoin(SENSOR, and_(same, SENSOR.c.number == d.radar)))
+    query = query.where(d.run_id == run_id, d.cycle.in_(there), d.vessel_id == vessel_id)
+    rows = fetch_rows(connection, query.order_by(d.cycle.desc(), d.number.desc()).limit(newest))
+    track = rows.columns.index("track_id")
+    return Rows(rows.columns, sorted(rows.rows, key=lambda row: (row[0], row[track])))
 
 
 def _events(run_id: int, vessel_id: int) -> Executable:

@@ -35,7 +35,7 @@ from sqlalchemy.types import TypeEngine
 T = TypeVar("T")
 Kind = TypeEngine[T] | type[TypeEngine[T]]
 
-REVISION = "0025"
+REVISION = "0026"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -223,6 +223,19 @@ HISTORY = of_run(
 
 The first point of a stay is in the stay's first cycle. The cycle after its last one has a closing point: the last position,
 dead-reckoned from the point before. It belongs to no picture.
+"""
+
+DECIDED_PATH = of_run(
+    "decided_path",
+    *keys("cycle", "vessel_id", "number"),  # number: within the cycle
+    *required(REAL, "time_s", "latitude_deg", "longitude_deg"),  # of the plot or message
+    *nullable(REAL, "sog_kn", "cog_deg", "major_m", "minor_m", "orientation_deg"),
+    *required(WHOLE, "track_id"),
+    *nullable(WHOLE, "radar"),  # null: an AIS message
+)
+"""The corrected past of vessels: states of their radar tracks whose plots became final in a cycle, smoothed by the plots after them.
+
+It stands beside `history`, which stays what the watch saw, and is kept as long. Only trackers that decide later have it.
 """
 
 ASSOCIATION = of_run(

@@ -2,7 +2,7 @@
 
 | setting | deleted when older |
 |---|---|
-| `history_hours` | points, and stays of vessels, their tracks and their MMSI that ended before; no pictures of so early |
+| `history_hours` | points, decided paths, and stays of vessels, their tracks and their MMSI that ended before; no pictures of so early |
 | `details_hours` | associations, spots, timings, registrations, cycles of regions that were used |
 | `event_hours` | events that ended before, and who acknowledged them; an event that lasts is never deleted |
 | `recording_hours` | recorded cycles |
@@ -34,6 +34,7 @@ from coastwatch.store.schema.tables import (
     AUDIT,
     CHECKPOINT,
     CYCLE,
+    DECIDED_PATH,
     EVENT,
     EVENT_GAP,
     HISTORY,
@@ -155,6 +156,7 @@ def _delete_before(connection: Connection, run_id: int, kind: str, low: int, fir
     # Some points that the first kept cycle needs are in earlier cycles.
     needed = connection.scalar(select(CYCLE.c.history_from).where(CYCLE.c.run_id == run_id, CYCLE.c.number == first))
     rows = 0 if needed is None else delete_some(connection, HISTORY, run_id, ("cycle", "vessel_id"), needed, most)
+    rows += delete_some(connection, DECIDED_PATH, run_id, ("cycle", "vessel_id"), first, most)
     return rows + sum(delete_some(connection, table, run_id, ("to_cycle",), first, most) for table in STAYS)
 
 
@@ -244,7 +246,8 @@ def _delete_ended_history(connection: Connection, run_id: int) -> int:
     connection.execute(delete(CHECKPOINT).where(CHECKPOINT.c.run_id == run_id))
     gone = update(CYCLE).where(CYCLE.c.run_id == run_id, CYCLE.c.number >= low, CYCLE.c.number < high)
     connection.execute(gone.values(NOT_KEPT["history"] | NOT_KEPT["details"]))
-    rows = [delete_some(connection, HISTORY, run_id, ("cycle", "vessel_id"), high, ROWS)]
+    paths = HISTORY, DECIDED_PATH
+    rows = [delete_some(connection, table, run_id, ("cycle", "vessel_id"), high, ROWS) for table in paths]
     rows += [delete_some(connection, TABLES[name], run_id, ("cycle",), high, ROWS) for name in (*DETAILS, "track_journal")]
     rows += [delete_some(connection, table, run_id, ("to_cycle",), high, ROWS) for table in STAYS]
     recorded = delete_recording(connection, run_id, high, RECORDED_CYCLES)

@@ -20,7 +20,7 @@ from coastwatch.tracks.radar.messages import Guiding, NoMessages, Sequential, Wi
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.plot_batches import cut, is_usable
 from coastwatch.tracks.radar.report import Reported, report, report_decided, report_measurements
-from coastwatch.tracks.radar.table import RadarMemory, Table
+from coastwatch.tracks.radar.table import RadarMemory
 
 HELD = 0.98  # an id of this probability is reported as that of the vessel; the first message gives `correct_id`, 0.99
 
