@@ -416,10 +416,11 @@ class App {
     this.map.triggerRepaint();
   }
 
-  /** The stored path of the selected vessel up to the time that is shown. */
+  /** The path of the selected vessel up to the time that is shown: corrected now, in replay as the watch saw it. */
   trail() {
     const now = this.clock();
-    return this.state.selected ? this.panel.history().filter(({ at }) => at <= now) : [];
+    if (!this.state.selected) return [];
+    return (this.replaying ? this.panel.history() : this.panel.corrected()).filter(({ at }) => at <= now);
   }
 
   /** Newest line of sight of each bearing track of the selected vessel, from its sensor. */

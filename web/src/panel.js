@@ -153,9 +153,25 @@ export class Panel {
 
   /** Stored positions of the vessel: Unix seconds, latitude, longitude; oldest first. */
   history() {
-    const rows = (this.known?.history ?? []).map((row) => ({ at: seconds(row.time_utc), lat: row.latitude_deg, lon: row.longitude_deg }));
-    return rows.sort((a, b) => a.at - b.at);
+    return places(this.known?.history);
   }
+
+  /** The same with the corrected past in the place of what the watch saw then. */
+  corrected() {
+    return correctedPath(this.history(), places(this.known?.decided));
+  }
+}
+
+const places = (rows) => (rows ?? []).map((row) => ({ at: seconds(row.time_utc), lat: row.latitude_deg, lon: row.longitude_deg }))
+  .sort((a, b) => a.at - b.at);
+
+const CORRECTED_S = 30; // a stored position goes where a decided state is of the same stretch of so many seconds
+
+/** A path in which decided states replace stored positions of about their time. Both: Unix seconds, latitude, longitude; oldest first. */
+export function correctedPath(history, decided) {
+  const stretch = ({ at }) => Math.floor(at / CORRECTED_S);
+  const known = new Set(decided.map(stretch));
+  return [...history.filter((point) => !known.has(stretch(point))), ...decided].sort((a, b) => a.at - b.at);
 }
 
 const clockOf = (utc) => (utc ? clock(seconds(utc)) : '–');

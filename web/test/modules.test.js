@@ -4,7 +4,7 @@ import { closestApproach, mercatorX, mercatorY, rangeBearing, wrapped } from '..
 import { clock, course, dateClock, duration, length, position, seconds, shipClass, speed } from '../src/formats.js';
 import { filterWords, listOrder, markShown, NO_FILTER } from '../src/filters.js';
 import { defaults, fromQuery, toQuery } from '../src/state.js';
-import { lastAis, lastsAt, trackRank } from '../src/panel.js';
+import { correctedPath, lastAis, lastsAt, trackRank } from '../src/panel.js';
 import { restore, viewOf } from '../src/views.js';
 import { contrast, FLAG, flagWords, luminance, NIGHT_LUMINANCE, STROKE_PX, SYMBOL, SYMBOL_COLOURS, symbolOf, THEMES } from '../src/symbols.js';
 import { Picture } from '../src/wire.js';
@@ -156,4 +156,12 @@ test('the ship as which a vessel sent AIS before, where the server says it', () 
   assert.equal(lastAis(of), 'SALTY DOG (710000001), until 12:03:04');
   assert.equal(lastAis({ ...of, last_ais_name: null, last_ais_until_utc: null }), '710000001');
   assert.equal(lastAis({ name: 'ALBA' }), '');
+});
+
+test('decided states take the place of what the watch saw then, and nothing else goes', () => {
+  const seen = [{ at: 10, lat: 1, lon: 1 }, { at: 40, lat: 2, lon: 2 }, { at: 70, lat: 3, lon: 3 }, { at: 130, lat: 4, lon: 4 }];
+  const decided = [{ at: 38, lat: 2.1, lon: 2.1 }, { at: 75, lat: 3.1, lon: 3.1 }];
+  assert.deepEqual(correctedPath(seen, decided).map(({ at }) => at), [10, 38, 75, 130]);
+  assert.deepEqual(correctedPath(seen, []), seen);
+  assert.deepEqual(correctedPath([], decided), decided);
 });
