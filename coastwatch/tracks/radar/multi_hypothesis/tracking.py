@@ -21,7 +21,7 @@ from coastwatch.tracks.radar.messages.sequential import Sequential
 from coastwatch.tracks.radar.multi_hypothesis.choice import Pruning, choose_and_prune, ended, starts
 from coastwatch.tracks.radar.multi_hypothesis.decided import decide
 from coastwatch.tracks.radar.multi_hypothesis.messages import take_messages
-from coastwatch.tracks.radar.multi_hypothesis.trees import OWNED, forest_of, shares, with_roots, write_chosen
+from coastwatch.tracks.radar.multi_hypothesis.trees import OWNED, forest_of, keep_heard, shares, with_roots, write_chosen
 from coastwatch.tracks.radar.parts import Parts, begin_tracks
 from coastwatch.tracks.radar.table import RadarMemory, Table
 
@@ -83,13 +83,13 @@ class MultiHypothesis(Settings):
         self, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars, time_s: float
     ) -> RadarMemory:
         """Count the looks that gave a tree no plot, confirm and delete tracks. Args: as of `ExistenceManagement.end_slice`."""
-        memory = self._count_missed_looks(parts, memory, radars, ours, every)
+        memory = self._count_missed_looks(parts, memory, radars, ours, every, time_s)
         upkeep = parts.existence.model_copy(update={"delete_misses": self.patience})
         memory = replace(memory, forest=memory.forest.with_slots(len(memory.table.track_id)))
         return upkeep.end_slice(memory, radars, ours, every, time_s, memory.forest.until_s)
 
     def _count_missed_looks(
-        self, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars
+        self, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars, time_s: float
     ) -> RadarMemory:
         forest, table, rules = forest_of(memory, self.window), memory.table, parts.existence
         detection, missed = rules.by_number(memory.rates, every)[0].probability, kernels.tracks.hypothesis_trees.miss_looks
@@ -103,6 +103,7 @@ class MultiHypothesis(Settings):
                 table.looked_s[:, radar] += turns * look.period
                 touched |= turns > 0
         if touched.any():
+            keep_heard(forest, time_s)
             _write_existence(self.window, table, forest, touched)
         return replace(memory, forest=forest)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, replace
 
 import numpy as np
@@ -11,11 +12,12 @@ from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.kernels.tracks.columns import NAMES, PlotColumns
 from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
-from coastwatch.tracks.radar.multi_hypothesis.choice import WIDEST, Pruned
+from coastwatch.tracks.radar.multi_hypothesis.choice import WIDEST, Pruned, starts
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
 HELD = 0.9  # an id of this probability is that of the only leaf of a track of another tracker
+HEARD = 0.9  # least existence of a track whose next message is not late
 AGREED = 0.02  # leaves above this probability must have one MMSI, so that the track has it
 NAMED = 0.995  # probability of an MMSI on which the leaves agree
 OWNED = 0.3  # a plot that a confirmed track has with more than this probability begins no track
@@ -100,6 +102,22 @@ def _write_names(table: Table, pruned: Pruned) -> None:
     unknown = np.where(agreed, 0.0, table.id_probability[slots, 0])
     table.id_probability[slots, 0] = unknown
     table.id_probability[slots, NAMES + 1] = 1.0 - table.id_probability[slots, 1] - unknown
+
+
+def keep_heard(forest: Forest, time_s: float) -> None:
+    """Let radar looks lower the existence of tracks whose next message is not late no further than `HEARD`, in place.
+
+    A message proves its vessel, whatever radars miss.
+    """
+    leaves, heard = forest.leaves, forest.until_s >= time_s
+    if not heard.any():
+        return
+    rows = np.flatnonzero(heard[leaves.slot] & (leaves.mmsi >= 0))
+    leaves.existence[rows] = np.maximum(leaves.existence[rows], HEARD)
+    first = starts(leaves.slot)[:-1]
+    first = first[heard[leaves.slot[first]]]
+    slots = leaves.slot[first]
+    forest.null_cost[slots] = np.maximum(forest.null_cost[slots], leaves.cost[first] + math.log(HEARD / (1.0 - HEARD)))
 
 
 def shares(table: Table, pruned: Pruned, count: int, first: int) -> tuple[Floats, Floats, Floats]:
