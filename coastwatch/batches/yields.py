@@ -53,6 +53,7 @@ class Tracks(Batch):
     echo_axis_deg: Floats = optional_column(
         "N"
     )  # of its length, clockwise from north; under 1 kn 0 to 180, as bow and stern look alike
+    alternative_m: Floats = optional_column("N")  # how far away it may be instead, by another history; NaN: it is sure
 
     def known_covariance(self, velocity_sigma_m_s: float) -> Floats:
         """The covariances; where a source gives none, that of one report and of this standard deviation of velocity. (N, 4, 4)"""
@@ -237,6 +238,7 @@ class Picture(Batch):
     echo_length_m: Floats = optional_column("V")  # by its track with the longest echo, as of `Tracks`, here and below
     echo_width_m: Floats = optional_column("V")
     echo_axis_deg: Floats = optional_column("V")
+    alternative_m: Floats = optional_column("V")  # how far away it may be instead, where none of its tracks is sure; else NaN
 
 
 @dataclass(frozen=True, eq=False)

@@ -125,6 +125,15 @@ def with_echoes(picture: Picture, tracks: Tracks, row_of_track: Ints) -> Picture
     return replace(picture, echo_length_m=length, echo_width_m=width, echo_axis_deg=axis)
 
 
+def alternatives_of(tracks: Tracks, row_of_track: Ints, count: int) -> Floats:
+    """How far away each of `count` vessels may be instead: the least of its tracks; NaN where one of them is sure. (V,)"""
+    alternative_m, doubtful = np.full(count, np.inf), np.isfinite(tracks.alternative_m)
+    if not doubtful.any():
+        return np.full(count, np.nan)
+    np.minimum.at(alternative_m, row_of_track, np.where(doubtful, tracks.alternative_m, -np.inf))
+    return np.where(np.isfinite(alternative_m), alternative_m, np.nan)
+
+
 def predict(vessels: Picture, time_s: float, drift_m_s15: float) -> Picture:
     """Vessels without tracks at a later time: straight motion with white acceleration, flagged as coasting.
 

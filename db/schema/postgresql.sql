@@ -61,6 +61,7 @@ CREATE TABLE vessel (
 	echo_length_m FLOAT(53),
 	echo_width_m FLOAT(53),
 	echo_axis_deg FLOAT(53),
+	alternative_m FLOAT(53),
 	PRIMARY KEY (run_id, vessel_id)
 );
 
@@ -324,6 +325,7 @@ CREATE TABLE recording (
 	echo_length_m BYTEA,
 	echo_width_m BYTEA,
 	echo_axis_deg BYTEA,
+	alternative_m BYTEA,
 	PRIMARY KEY (run_id, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );

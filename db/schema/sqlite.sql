@@ -59,6 +59,7 @@ CREATE TABLE vessel (
 	echo_length_m FLOAT,
 	echo_width_m FLOAT,
 	echo_axis_deg FLOAT,
+	alternative_m FLOAT,
 	PRIMARY KEY (run_id, vessel_id)
 )
  WITHOUT ROWID;
@@ -336,6 +337,7 @@ CREATE TABLE recording (
 	echo_length_m BLOB,
 	echo_width_m BLOB,
 	echo_axis_deg BLOB,
+	alternative_m BLOB,
 	PRIMARY KEY (run_id, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );

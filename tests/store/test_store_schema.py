@@ -66,6 +66,7 @@ SINCE_0004 = (
     "echo_length_m",
     "echo_width_m",
     "echo_axis_deg",
+    "alternative_m",
 )
 """Columns that it does not have; it has `cycle.history_kept`."""
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, two_radars, world
 
-from coastwatch.batches import DecidedPath, Messages, Tracks
+from coastwatch.batches import DecidedPath, Messages, Plots, Tracks
 from coastwatch.geodesy import to_plane
+from coastwatch.picture.vessels import alternatives_of
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import RegionInput, TableTracker
 
@@ -132,3 +135,25 @@ def test_a_vessel_that_radars_lose_lives_by_its_messages_and_ends_when_they_stay
     assert len(np.unique(np.concatenate([one.track_id for one in tracks[4:]]))) == 1
     _, tracks, _ = run(method, plots, slow.take(slow.time_s < 25.0))
     assert [len(one) for one in tracks[-4:]] == [0] * 4
+
+
+def test_a_track_with_two_histories_says_how_far_away_it_may_be():
+    """Vessel 0 is not seen for some turns, then there are two plots, 40 m on either side of it. The other vessels are sure."""
+    truth = world(8, 63, kick_m_s=0.0, side_nm=3.0)
+    sensors = two_radars(azimuth_sigma_deg=0.1)
+    plots = plots_of(truth, sensors, PERIOD_S * CYCLES, 63)
+    later = plots.take((plots.origin == 0) & (plots.time_s > 33.0))
+    rest = plots.take((plots.origin != 0) | (plots.time_s < 24.0))
+    east = np.array([40.0, 0.0])
+    sides = [replace(later, position_m=later.position_m + sign * east) for sign in (-1.0, 1.0)]
+    _, tracks, _ = run(TableTracker(method="multi_hypothesis"), Plots.join([rest, *sides]), Messages.empty(), range(12))
+    assert np.isnan(Tracks.join(tracks[6:11]).alternative_m).all()
+    doubtful = tracks[11].take(np.isfinite(tracks[11].alternative_m))
+    assert doubtful.origin.tolist() == [0]
+    assert 50.0 < doubtful.alternative_m[0] < 110.0
+    found = alternatives_of(tracks[11], np.arange(len(tracks[11])), len(tracks[11]))
+    np.testing.assert_array_equal(found, tracks[11].alternative_m)
+    none_sure, one_sure = np.array([300.0, 120.0]), np.array([300.0, np.nan])
+    for each, vessel in ((none_sure, 120.0), (one_sure, np.nan)):
+        two = replace(tracks[11].take(np.arange(2)), alternative_m=each)
+        np.testing.assert_array_equal(alternatives_of(two, np.zeros(2, np.int64), 1), [vessel])

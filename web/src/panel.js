@@ -76,6 +76,7 @@ export class Panel {
       vessel && ['Position', position(vessel.lat, vessel.lon)],
       vessel && ['Speed, course', `${speed(vessel.sog)}  ${course(vessel.cog)}`],
       vessel && ['Ellipse (2σ)', `${length(2 * metresOf(app.picture.major[slot]))} × ${length(2 * metresOf(app.picture.minor[slot]))}`],
+      !app.replaying && details.alternative_m && ['In doubt', `may be ${length(details.alternative_m)} from there`],
       vessel && ['Sources', sourceWords(vessel.kind)],
       vessel && ['Heard', `${duration(app.heardAgo(slot, details))} ago`],
       details.since_utc && ['Known since', dateClock(seconds(details.since_utc))],

@@ -52,10 +52,11 @@ COLUMNS = (
     "updated_s",
     *ELLIPSE,
     "existence",
+    "alternative_m",
     *ECHO,
     "sources",
 )
-"""Of every picture; `existence` and those of the echo are null in a past one that was not recorded."""
+"""Of every picture; `existence`, `alternative_m` and those of the echo are null in a past one that was not recorded."""
 
 FEW = 1000
 """Up to this many vessels are looked up one by one; for more, whole tables of the run are read."""
@@ -173,7 +174,18 @@ def picture_of_cycle(
     time_s, first, recorded = connection.execute(query).one()
     if recorded and vessel_id is None:
         picture, _ = read_recorded(connection, run_id, cycle, bbox)
-        names = ["vessel_id", "mmsi", "nav_status", "flags", "time_s", "since_s", "updated_s", "existence", *ECHO]
+        names = [
+            "vessel_id",
+            "mmsi",
+            "nav_status",
+            "flags",
+            "time_s",
+            "since_s",
+            "updated_s",
+            "existence",
+            "alternative_m",
+            *ECHO,
+        ]
         moved = motion(picture.velocity_m_s, picture.covariance)
         columns = dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))
         return _with_details(connection, run_id, cycle, columns | {name: getattr(picture, name) for name in names}, wanted)
@@ -195,7 +207,18 @@ def _from_recording(connection: Connection, run_id: int, cycle: int, bbox: Box |
     picture, _ = read_recorded(connection, run_id, cycle, bbox)
     own = {
         name: getattr(picture, name)
-        for name in ("vessel_id", "mmsi", "nav_status", "flags", "time_s", "since_s", "updated_s", "existence", *ECHO)
+        for name in (
+            "vessel_id",
+            "mmsi",
+            "nav_status",
+            "flags",
+            "time_s",
+            "since_s",
+            "updated_s",
+            "existence",
+            "alternative_m",
+            *ECHO,
+        )
     }
     moved = motion(picture.velocity_m_s, picture.covariance)
     return {**own, **dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))}
@@ -245,7 +268,7 @@ def _position(points: Columns) -> Floats:
 
 def _with_details(connection: Connection, run_id: int, cycle: int | None, columns: Columns, wanted: Sequence[str]) -> Table:
     """The wanted columns, with vessel details from other tables. Args: cycle: None: now."""
-    not_kept = [name for name in ("existence", *ECHO) if name in wanted and name not in columns]
+    not_kept = [name for name in ("existence", "alternative_m", *ECHO) if name in wanted and name not in columns]
     columns = columns | {name: np.full(len(columns["vessel_id"]), np.nan) for name in not_kept}
     if set(STATIC) & set(wanted):
         columns = columns | _statics_of(connection, run_id, columns["mmsi"])

@@ -178,6 +178,7 @@ VESSEL = Table(
     *nullable(REAL, "interval_s"),  # expected between its AIS reports, by class, status and speed, or learnt; null: no AIS now
     *nullable(REAL, "existence"),  # probability that it exists; null: no tracker estimates it
     *nullable(REAL, "echo_length_m", "echo_width_m", "echo_axis_deg"),  # size and direction by radar video; null: not known
+    *nullable(REAL, "alternative_m"),  # how far away it may be instead, by another history of its plots; null: it is sure
     sqlite_with_rowid=False,
 )
 """The current picture: each vessel once. All rows are written again each time, with the row of `cycle` that names the run:
@@ -422,7 +423,7 @@ RECORDING = of_run(  # not in key order: SQLite keeps long rows better apart fro
     *required(WHOLE, "vessels", "members"),
     *required(BYTES, "vessel_id", "time_s", "position_deg", "velocity_m_s", "covariance", "since_s", "updated_s"),
     *required(BYTES, "mmsi", "flags", "origin", "member_vessel_id", "member_track_id", "member_source"),
-    *nullable(BYTES, "nav_status", "existence"),  # null: of a version that did not have it
+    *nullable(BYTES, "nav_status", "existence", "alternative_m"),  # null: of a version that did not have it
     *nullable(BYTES, "echo_length_m", "echo_width_m", "echo_axis_deg"),  # the same
     in_key_order=False,
 )

@@ -67,6 +67,7 @@ def vessel_rows(run_id: int, picture: Picture, sources: Categorical, interval_s:
         picture.echo_length_m,
         picture.echo_width_m,
         picture.echo_axis_deg,
+        picture.alternative_m,
     ]
 
 

@@ -132,11 +132,14 @@ def update_region(
     if isinstance(messages, Guiding):
         messages.leave(parts, memory, float(heard.time_s.min(initial=np.inf)), time_s)
         rows, now = _by_plots(parts, memory, rows, time_s)
+        alternative_m = np.full(len(rows), np.nan)
     else:
-        now = _predicted(association, parts, memory, rows, time_s)
+        now, alternative_m = _predicted(association, parts, memory, rows, time_s)
     tracks = report(
         now,
-        _reported(memory, rows, now, upkeep.existence(table, rows, time_s), isinstance(messages, Guiding), sensors),
+        _reported(
+            memory, rows, now, (upkeep.existence(table, rows, time_s), alternative_m), isinstance(messages, Guiding), sensors
+        ),
         radars,
         time_s,
         sensors,
@@ -162,11 +165,14 @@ def _end_slice(
     return parts.upkeep.end_slice(memory, radars, ours, every, time_s)
 
 
-def _predicted(association: AnyAssociation, parts: Parts, memory: RadarMemory, rows: Ints, time_s: float) -> Estimates:
-    """The estimates of the tracks in these slots at a time."""
+def _predicted(
+    association: AnyAssociation, parts: Parts, memory: RadarMemory, rows: Ints, time_s: float
+) -> tuple[Estimates, Floats]:
+    """The estimates of the tracks in these slots at a time, and how far away each may be instead, NaN: it is sure. (N,)"""
     if isinstance(association, MultiHypothesis):
         return association.predict(parts, memory, rows, time_s)
-    return parts.bank.predict(memory.table.filters, memory.table.estimates, rows, time_s)
+    now = parts.bank.predict(memory.table.filters, memory.table.estimates, rows, time_s)
+    return now, np.full(len(rows), np.nan)
 
 
 def _by_plots(parts: Parts, memory: RadarMemory, rows: Ints, time_s: float) -> tuple[Ints, Estimates]:
@@ -201,8 +207,10 @@ def _whole_hulls(parts: Parts, memory: RadarMemory, plots: Plots, time_s: float)
     return joined(plots, hulls, radars.period_s)
 
 
-def _reported(memory: RadarMemory, rows: Ints, now: Estimates, existence: Floats, of_plots: bool, sensors: Sensors) -> Reported:
-    """What is said of the tracks in these slots. Args: now: (N) their estimates; of_plots: no message is in them."""
+def _reported(
+    memory: RadarMemory, rows: Ints, now: Estimates, doubts: tuple[Floats, Floats], of_plots: bool, sensors: Sensors
+) -> Reported:
+    """What is said of the tracks in these slots. Args: now: (N) their estimates; doubts: existence, alternative_m; of_plots: no message is in them."""
     table = memory.table
     extent = np.full((len(rows), 3), np.nan)
     beam_m = np.full(len(rows), np.nan)
@@ -210,6 +218,7 @@ def _reported(memory: RadarMemory, rows: Ints, now: Estimates, existence: Floats
     if len(known):
         extent[known] = table.extent[rows[known]]
         beam_m[known] = _beam_m(memory, rows[known], now.mean[known, :2], sensors)
+    existence, alternative_m = doubts
     return Reported(
         number=table.track_id[rows],
         updated_s=np.maximum(table.radar_s[rows].max(axis=1, initial=-np.inf), -np.inf if of_plots else table.message_s[rows]),
@@ -219,6 +228,7 @@ def _reported(memory: RadarMemory, rows: Ints, now: Estimates, existence: Floats
         existence=existence,
         extent=extent,
         beam_m=beam_m,
+        alternative_m=alternative_m,
     )
 
 

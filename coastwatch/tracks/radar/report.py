@@ -25,6 +25,7 @@ class Reported(NamedTuple):
     existence: Floats  # NaN: not estimated
     extent: Floats  # (N, 3) mean second moments of the echoes, m2 in the plane; NaN: not known
     beam_m: Floats  # width of the beam at the track; NaN: not known
+    alternative_m: Floats  # NaN: sure
 
 
 def report(now: Estimates, reported: Reported, radars: RadarColumns, time_s: float, sensors: Sensors, region: int) -> Tracks:
@@ -54,6 +55,7 @@ def report(now: Estimates, reported: Reported, radars: RadarColumns, time_s: flo
         echo_length_m=echoes.length_m,
         echo_width_m=echoes.width_m,
         echo_axis_deg=echoes.axis_deg,
+        alternative_m=reported.alternative_m,
     )
 
 

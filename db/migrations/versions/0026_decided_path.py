@@ -1,4 +1,4 @@
-"""The corrected past of vessels; empty for older runs."""
+"""The corrected past of vessels, and how far away they may be instead; empty for older runs."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -27,3 +27,5 @@ def upgrade() -> None:
         sa.Column("radar", WHOLE),
         sqlite_with_rowid=False,
     )
+    op.add_column("vessel", sa.Column("alternative_m", REAL, nullable=True))
+    op.add_column("recording", sa.Column("alternative_m", sa.LargeBinary(), nullable=True))

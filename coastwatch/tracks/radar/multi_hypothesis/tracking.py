@@ -11,7 +11,7 @@ from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Messages, Radars
-from coastwatch.kernels.filters.gaussian import Estimates, gate
+from coastwatch.kernels.filters.gaussian import Estimates, gate, squared_distance
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
 from coastwatch.kernels.tracks.hypothesis_trees import Look
 from coastwatch.stage import Count, Positive, Settings
@@ -21,10 +21,19 @@ from coastwatch.tracks.radar.messages.sequential import Sequential
 from coastwatch.tracks.radar.multi_hypothesis.choice import Pruning, choose_and_prune, ended, starts
 from coastwatch.tracks.radar.multi_hypothesis.decided import decide
 from coastwatch.tracks.radar.multi_hypothesis.messages import take_messages
-from coastwatch.tracks.radar.multi_hypothesis.trees import OWNED, forest_of, keep_heard, shares, with_roots, write_chosen
+from coastwatch.tracks.radar.multi_hypothesis.trees import (
+    AGREED,
+    OWNED,
+    forest_of,
+    keep_heard,
+    shares,
+    with_roots,
+    write_chosen,
+)
 from coastwatch.tracks.radar.parts import Parts, begin_tracks
 from coastwatch.tracks.radar.table import RadarMemory, Table
 
+ELLIPSE = 4.0  # squared distance of the ellipse that people see: two standard deviations
 LEAST_SHARE = 0.01  # probability of a leaf that widens the covariance of its track
 
 
@@ -111,8 +120,11 @@ class MultiHypothesis(Settings):
         """Merge tracks of one vessel."""
         return merge_duplicates(parts.existence, memory, parts.sensors.radars.period_s, time_s)
 
-    def predict(self, parts: Parts, memory: RadarMemory, slots: Ints, time_s: float) -> Estimates:
-        """The tracks in these slots (N), predicted to a time: the mean of the chosen leaf, and the covariance of all leaves about it."""
+    def predict(self, parts: Parts, memory: RadarMemory, slots: Ints, time_s: float) -> tuple[Estimates, Floats]:
+        """The tracks in these slots (N), predicted to a time: the mean of the chosen leaf, and the covariance of all leaves about it.
+
+        And how far from there the likeliest leaf is that lies outside the ellipse of the chosen one, m; NaN: none does. (N,)
+        """
         table, leaves = memory.table, memory.forest.leaves
         now = parts.bank.predict(table.filters, table.estimates, slots, time_s)
         start = starts(leaves.slot)
@@ -128,7 +140,12 @@ class MultiHypothesis(Settings):
         outer = apart[:, :, None] * apart[:, None, :]
         covariance = now.covariance.copy()
         np.add.at(covariance, of, weight * (ahead.covariance + outer - now.covariance[of]))
-        return now._replace(covariance=covariance)
+        apart, alternative_m = apart[:, :2], np.full(len(slots), np.nan)
+        outside = (weight[:, 0, 0] > AGREED) & (squared_distance(apart, now.covariance[of, :2, :2]) > ELLIPSE)
+        rows = np.flatnonzero(outside)
+        rows = rows[np.argsort(weight[rows, 0, 0], kind="stable")]  # the likeliest is written last
+        alternative_m[of[rows]] = np.hypot(*apart[rows].T)
+        return now._replace(covariance=covariance), alternative_m
 
 
 def _grown(parts: Parts, forest: Forest, batch: PlotColumns, look: Look) -> tuple[Leaves, FilterSteps]:
