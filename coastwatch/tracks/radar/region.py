@@ -210,7 +210,10 @@ def _whole_hulls(parts: Parts, memory: RadarMemory, plots: Plots, time_s: float)
 def _reported(
     memory: RadarMemory, rows: Ints, now: Estimates, doubts: tuple[Floats, Floats], of_plots: bool, sensors: Sensors
 ) -> Reported:
-    """What is said of the tracks in these slots. Args: now: (N) their estimates; doubts: existence, alternative_m; of_plots: no message is in them."""
+    """What is said of the tracks in these slots.
+
+    Args: now: (N) their estimates; doubts: existence, alternative_m; of_plots: no message is in them.
+    """
     table = memory.table
     extent = np.full((len(rows), 3), np.nan)
     beam_m = np.full(len(rows), np.nan)
