@@ -29,7 +29,7 @@ from coastwatch.batches import (
 from coastwatch.plots import ExtractionInput, ExtractionMemory, PlotConverter, PlotExtractor, PolarMemory
 from coastwatch.scenario import Scenario
 from coastwatch.stage import Groups, Running
-from coastwatch.tracks import ForestMemory, RadarMemory, RadarTracker, RegionInput
+from coastwatch.tracks import ForestMemory, ImmJpdaMemory, RadarMemory, RadarTracker, RegionInput
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class RegionMemory:
 
     extraction: ExtractionMemory
     plots: PolarMemory
-    tracks: RadarMemory | ForestMemory
+    tracks: RadarMemory | ForestMemory | ImmJpdaMemory
     dropped: int  # plots that are not finite or from the future, since the start
 
 

@@ -15,6 +15,8 @@ from coastwatch.tracks.ais.out_of_sequence import Memory as AisMemory
 from coastwatch.tracks.alignment import ConstantVelocity
 from coastwatch.tracks.bearing import BearingMemory, BearingWindow
 from coastwatch.tracks.inputs import AisInput, AisOutput, BearingInput, ReceivedInput
+from coastwatch.tracks.radar.imm_jpda_literal.memory import ImmJpdaMemory
+from coastwatch.tracks.radar.imm_jpda_literal.tracker import ImmJpdaLiteral
 from coastwatch.tracks.radar.multi_hypothesis_literal.forest import ForestMemory
 from coastwatch.tracks.radar.multi_hypothesis_literal.tracker import MultiHypothesisLiteral
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput
@@ -22,7 +24,7 @@ from coastwatch.tracks.radar.table import RadarMemory
 from coastwatch.tracks.radar.tracker import TableTracker
 from coastwatch.tracks.received import ReceivedMemory, ReceivedTracks
 
-RadarTracker = Annotated[TableTracker | MultiHypothesisLiteral, Field(discriminator="method")]
+RadarTracker = Annotated[TableTracker | MultiHypothesisLiteral | ImmJpdaLiteral, Field(discriminator="method")]
 AisPositions = Annotated[HullMiddle, Field()]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
 BearingTracker = Annotated[BearingWindow, Field()]
@@ -45,6 +47,8 @@ __all__ = [
     "ConstantVelocity",
     "ForestMemory",
     "HullMiddle",
+    "ImmJpdaLiteral",
+    "ImmJpdaMemory",
     "MultiHypothesisLiteral",
     "RadarMemory",
     "RadarTracker",

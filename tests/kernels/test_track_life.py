@@ -45,11 +45,12 @@ def test_the_lost_are_those_without_hits_in_their_looks(n, seed):
         radars.newest[1] = 18.0
     rows = np.flatnonzero(np.random.default_rng([seed, 62]).random(n) < 0.7)
     status = np.where(life.hits >= 4, CONFIRMED, life.status)
-    missed = looks(estimates, radars, estimates.time, 0.1)
+    newest = life.radar_time.max(axis=1)
+    missed = looks(estimates, radars, newest, 0.1)
     age = 1 + looks(estimates, radars, life.started, 0.1)
     tries = np.where(status == SINGLE, 2, 5)
     lost = np.where(status == CONFIRMED, missed >= np.minimum(5, np.ceil(0.5 * life.hits)), age >= tries)
-    lost |= estimates.time < NOW - 30.0
+    lost |= newest < NOW - 30.0
     before = life.status.copy()
     got = confirm_and_find_lost(life, estimates, rows, radars, BOTH, RULES, NOW)
     assert np.array_equal(got, lost[rows])

@@ -4,5 +4,15 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=["ais_tracker", "fused_filters", "gaussian", "imm", "kalman", "motion_models", "smoothing", "symmetric4"],
+    submodules=[
+        "ais_tracker",
+        "fused_filters",
+        "gaussian",
+        "imm",
+        "kalman",
+        "motion_models",
+        "smoothing",
+        "symmetric4",
+        "unscented",
+    ],
 )

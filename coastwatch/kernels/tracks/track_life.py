@@ -89,8 +89,8 @@ def confirm_and_find_lost(life, estimates, rows, radars, ours, rules, time):  # 
         n = rows[k]
         if life.hits[n] >= rules.confirm_hits:
             life.status[n] = CONFIRMED
-        updated = estimates.time[n]
-        position = predicted_position(estimates, n, max(time, updated))
+        updated = life.radar_time[n].max()  # a filter may be newer: it weighed a plot that is likely of another
+        position = predicted_position(estimates, n, max(time, estimates.time[n]))
         if life.status[n] == CONFIRMED:
             allowed = min(rules.delete_misses, math.ceil(rules.misses_per_hit * life.hits[n]))
             lost[k] = looks(life, n, position, updated, radars, ours, rules) >= allowed

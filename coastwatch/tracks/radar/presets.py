@@ -21,6 +21,7 @@ Name = Literal[
     "vimmjipda_precise_batch",
     "vimmjipda_noisy_batch",
     "guided_vimmjipda",
+    "imm_jpda",
     "multi_hypothesis",
     "sided_multi_hypothesis",
     "bp_particles",
@@ -47,6 +48,18 @@ PRESETS: Mapping[str, Mapping[str, Part]] = {
     "vimmjipda_precise_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "precise_batch"}},
     "vimmjipda_noisy_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "noisy_batch"}},
     "guided_vimmjipda": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "guiding"}},
+    "imm_jpda": {
+        "association": {"method": "jpda"},
+        "upkeep": {
+            "detection_probability": 0.95,
+            "false_plots_per_m2": 3e-7,
+            "confirm_hits": 4,
+            "confirm_looks": 5,
+            "delete_misses": 12,
+            "misses_per_hit": 2.0,
+            "coast_s": 40.0,
+        },
+    },
     "multi_hypothesis": {"association": _TREES, "motion": _IMM, "messages": {"method": "sequential"}},
     "sided_multi_hypothesis": {"association": _TREES, "messages": {"method": "sequential"}},
     "bp_particles": {

@@ -8,7 +8,7 @@ from pydantic import model_validator
 
 from coastwatch.batches import Floats, Measurements, Messages, Sensors, Tracks
 from coastwatch.stage import Method
-from coastwatch.tracks.radar.association import Association, MultiHypothesis, NearestNeighbour
+from coastwatch.tracks.radar.association import Association, Jpda, MultiHypothesis, NearestNeighbour
 from coastwatch.tracks.radar.bank import Bank, Compiled, Particles
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import TrackManagement, Upkeep
@@ -27,7 +27,9 @@ class TableTracker(Method):
 
     A `method` other than `table` is the name of a choice of parts: `sided_imm`, `imm`, `filterpy_imm`, `vimmjipda`, `sided_vimmjipda`,
     `vimmjipda_literal`, `vimmjipda_sequential`, `vimmjipda_precise_batch`, `vimmjipda_noisy_batch`, `guided_vimmjipda`,
-    `multi_hypothesis`, `sided_multi_hypothesis`, `bp_particles`. A part that is given replaces the one of this choice. Short settings:
+    `imm_jpda`, `multi_hypothesis`, `sided_multi_hypothesis`, `bp_particles`. A part that is given replaces the one of this choice.
+
+    Short settings:
     `plot_origin` ("known": the association `known_origin`) of the first three and of `guided_vimmjipda`, which is then as `sided_imm`;
     `message_velocities` (`messages.velocities`) of the methods with messages; `particles` and `seed` (of `bank`) of `bp_particles`.
 
@@ -63,6 +65,8 @@ class TableTracker(Method):
                 raise ValueError(f"messages.method: got {self.messages.method!r}, needed 'sequential' or 'none' {association}")
             if not isinstance(self.bank, Compiled):
                 raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' {association}")
+        if isinstance(self.association, Jpda) and not isinstance(self.bank, Compiled):
+            raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' {association}")
         if isinstance(self.messages, Guiding) and not isinstance(self.bank, Compiled):
             raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' with messages.method = 'guiding'")
         models = len(self.motion.table())

@@ -1,0 +1,1 @@
+"""The IMM-JPDA filter of Heymann et al., as printed."""
