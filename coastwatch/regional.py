@@ -26,10 +26,10 @@ from coastwatch.batches import (
     Tracks,
     Videos,
 )
-from coastwatch.plots import ExtractionInput, ExtractionMemory, PlotConverter, PlotExtractor, PolarMemory
+from coastwatch.plots import ExtractionInput, ExtractionMemory, PlotConverter, PlotExtractor, PolarMemory, over_background
 from coastwatch.scenario import Scenario
 from coastwatch.stage import Groups, Running
-from coastwatch.tracks import ForestMemory, ImmJpdaMemory, RadarMemory, RadarTracker, RegionInput
+from coastwatch.tracks import ForestMemory, ImmJpdaMemory, ParticlesMemory, RadarMemory, RadarTracker, RegionInput
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class RegionMemory:
 
     extraction: ExtractionMemory
     plots: PolarMemory
-    tracks: RadarMemory | ForestMemory | ImmJpdaMemory
+    tracks: RadarMemory | ForestMemory | ImmJpdaMemory | ParticlesMemory
     dropped: int  # plots that are not finite or from the future, since the start
 
 
@@ -86,11 +86,12 @@ def run_regional_centre(
     seen = ExtractionInput(given.video, sensors)
     extraction_memory, extracted = extractor.step(memory.extraction, seen)
     summary = extractor.summary(extraction_memory, seen, extracted)
+    video = over_background(extraction_memory, seen) if tracker.takes_video else ()
     reports = RadarReports.join([given.reports, extracted]) if len(extracted) else given.reports
     plots_memory, plots = converter.step(memory.plots, reports, sensors, given.corrections)
     jumped = given.corrections.jumped
     tracks_memory, found = Running(tracker, memory.tracks).next(
-        RegionInput(plots, given.messages, jumped, given.time_s, sensors, given.region)
+        RegionInput(plots, given.messages, jumped, given.time_s, sensors, given.region, video)
     )
     measurements, standing, decided = found.measurements, found.standing_echoes, found.decided
     after = RegionMemory(extraction_memory, plots_memory, tracks_memory, memory.dropped + found.dropped)

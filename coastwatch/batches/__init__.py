@@ -43,7 +43,7 @@ from coastwatch.batches.sensors import (
     TrackSources,
 )
 from coastwatch.batches.struct import Batch, Struct, column, optional_column
-from coastwatch.batches.video import Extractions, RadarVideo, Videos
+from coastwatch.batches.video import Extractions, RadarExcess, RadarVideo, Videos
 from coastwatch.batches.yields import (
     COVER_AZIMUTHS,
     COVER_RANGES,
@@ -124,6 +124,7 @@ __all__ = [
     "PositionAccuracy",
     "RadarCorrections",
     "RadarCover",
+    "RadarExcess",
     "RadarReports",
     "RadarVideo",
     "Radars",

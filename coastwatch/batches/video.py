@@ -79,3 +79,19 @@ class Extractions(Batch):
     threshold_db: Floats = column(
         np.float64, "E"
     )  # over the background, the median of its range; NaN: not in decibels, or not known
+
+
+@dataclass(frozen=True, eq=False)
+class RadarExcess(Struct):
+    """Spokes of one radar, as by how much each cell is over its local background: what trackers take that need no plots."""
+
+    sensor: int  # index into the radars of the region
+    first_m: float  # range of the near edge of the first cell
+    cell_m: float  # length of a cell
+    time_s: Floats = column(np.float64, "S")  # of the beam
+    azimuth_rad: Floats = column(np.float64, "S")  # true, 0 to 2 pi
+    site_deg: Floats = column(np.float64, "S", 2)  # where the antenna was
+    half_db: Array = column(np.int8, "S", "C")  # half decibels over the background, -20 to 60; 0 where none is known
+
+    def __len__(self) -> int:
+        return len(self.time_s)

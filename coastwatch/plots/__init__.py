@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field
 
 from coastwatch.plots.polar import PolarConversion, PolarMemory
-from coastwatch.plots.video import CfarExtraction, ExtractionInput, ExtractionMemory, PlotExtractor
+from coastwatch.plots.video import CfarExtraction, ExtractionInput, ExtractionMemory, PlotExtractor, over_background
 
 PlotConverter = Annotated[PolarConversion, Field()]
 
@@ -17,4 +17,5 @@ __all__ = [
     "PlotExtractor",
     "PolarConversion",
     "PolarMemory",
+    "over_background",
 ]

@@ -20,11 +20,15 @@ from coastwatch.tracks.radar.imm_jpda_literal.tracker import ImmJpdaLiteral
 from coastwatch.tracks.radar.multi_hypothesis_literal.forest import ForestMemory
 from coastwatch.tracks.radar.multi_hypothesis_literal.tracker import MultiHypothesisLiteral
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput
+from coastwatch.tracks.radar.repulsive_particles.memory import ParticlesMemory
+from coastwatch.tracks.radar.repulsive_particles.tracker import RepulsiveParticles
 from coastwatch.tracks.radar.table import RadarMemory
 from coastwatch.tracks.radar.tracker import TableTracker
 from coastwatch.tracks.received import ReceivedMemory, ReceivedTracks
 
-RadarTracker = Annotated[TableTracker | MultiHypothesisLiteral | ImmJpdaLiteral, Field(discriminator="method")]
+RadarTracker = Annotated[
+    TableTracker | ImmJpdaLiteral | RepulsiveParticles | MultiHypothesisLiteral, Field(discriminator="method")
+]
 AisPositions = Annotated[HullMiddle, Field()]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
 BearingTracker = Annotated[BearingWindow, Field()]
@@ -50,6 +54,7 @@ __all__ = [
     "ImmJpdaLiteral",
     "ImmJpdaMemory",
     "MultiHypothesisLiteral",
+    "ParticlesMemory",
     "RadarMemory",
     "RadarTracker",
     "ReceivedInput",
@@ -57,6 +62,7 @@ __all__ = [
     "ReceivedTracks",
     "RegionInput",
     "RegionOutput",
+    "RepulsiveParticles",
     "TableTracker",
     "TrackAligner",
     "TrackReceiver",

@@ -249,7 +249,7 @@ def test_a_tracker_has_the_parts_of_its_name_and_those_that_are_given(settings: 
         ({"tracks.method": "imn"}, "tracks.method: got 'imn', needed one of sided_imm, imm, "),
         ({"tracks.method": "imn"}, "multi_hypothesis_literal; did you mean 'imm'?"),
         ({"tracks.motion.kind": "imn"}, "tracks.motion.kind: got 'imn', needed one of manoeuvres, imm"),
-        ({"tracks.association.method": "jpda"}, "tracks.association.method: got 'jpda', needed one of "),
+        ({"tracks.association.method": "jpdaf"}, "tracks.association.method: got 'jpdaf', needed one of "),
         ({"tracks.plot_origin": "sure"}, "plot_origin: got 'sure', needed 'estimated' or 'known'"),
         (
             {"tracks.messages.method": "sequential"},

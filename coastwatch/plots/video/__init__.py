@@ -6,8 +6,8 @@ from pydantic import Field
 
 from coastwatch.plots.video.absolute import AbsoluteExtraction
 from coastwatch.plots.video.cfar import CfarExtraction
-from coastwatch.plots.video.spokes import ExtractionInput, ExtractionMemory
+from coastwatch.plots.video.spokes import ExtractionInput, ExtractionMemory, over_background
 
 PlotExtractor = Annotated[CfarExtraction | AbsoluteExtraction, Field(discriminator="method")]
 
-__all__ = ["AbsoluteExtraction", "CfarExtraction", "ExtractionInput", "ExtractionMemory", "PlotExtractor"]
+__all__ = ["AbsoluteExtraction", "CfarExtraction", "ExtractionInput", "ExtractionMemory", "PlotExtractor", "over_background"]

@@ -17,6 +17,7 @@ from coastwatch.batches import (
     Extractions,
     Floats,
     Ints,
+    RadarExcess,
     RadarReports,
     RadarVideo,
     Rings,
@@ -39,6 +40,7 @@ FWHM = 2.35  # standard deviations in a width at half power
 PULSE_IN_MOMENT, BEAM_IN_MOMENT = 0.9, 0.72**2  # shares of the squares of pulse and beam that the moments of a point have
 RANGE_M, BEAM_SHARE, GLINT = 5.0, 0.15, 0.1  # error of a plot: least in range; least in azimuth, in beams; share of its length
 VESSEL_M = 120.0  # a plot that is nearer to a true vessel in range is of it
+LEAST_HALF_DB, MOST_HALF_DB = -20, 60  # of what is given to trackers
 TURN_RAD = 2.0 * np.pi
 
 
@@ -213,10 +215,7 @@ def _appended(m: SpokeMemory, video: RadarVideo, radar: VideoRadar, detection: D
     angle, step, kept = kernels.video.spokes.unwrapped(video.azimuth_rad, before, radar.beam_rad)
     if not kept.all():
         video, angle, step = video.take(kept), angle[kept], step[kept]
-    level = video.level
-    if radar.is_linear:
-        decibels = 20.0 * np.log10(np.maximum(np.arange(256), 1.0))
-        level = np.round(decibels / LINEAR_DB).astype(np.uint8)[level]
+    level = _levels(video.level, radar)
     mask_deg, clipped = _masked(m.mask_deg, video, radar, detection.masks)
     new = {
         "level": level,
@@ -231,6 +230,40 @@ def _appended(m: SpokeMemory, video: RadarVideo, radar: VideoRadar, detection: D
     }
     rows: dict[str, Any] = {name: np.concatenate([getattr(m, name), values]) for name, values in new.items()}
     return replace(m, angle_before=before, mask_deg=mask_deg, **rows)
+
+
+def _levels(level: Array, radar: VideoRadar) -> Array:
+    """Levels in steps of decibels, also of linear video. (S, C)"""
+    if not radar.is_linear:
+        return level
+    decibels = 20.0 * np.log10(np.maximum(np.arange(256), 1.0))
+    return np.asarray(np.round(decibels / LINEAR_DB).astype(np.uint8)[level])
+
+
+def over_background(memory: ExtractionMemory, given: ExtractionInput) -> tuple[RadarExcess, ...]:
+    """The video of a cycle as levels over the background, which extraction has just learnt. Without a background all are 0.
+
+    Args: memory: after the step with this video.
+    """
+    out = []
+    for video in given.video.parts:
+        known, radar = memory.radars[video.sensor], VideoRadar.of(given.sensors, video.sensor)
+        sectors, cells = len(known.background), video.level.shape[1]
+        if cells != known.level.shape[1]:  # of a range scale that has changed since
+            continue
+        sector = (video.azimuth_rad % TURN_RAD / TURN_RAD * sectors).astype(np.int64) % sectors
+        half_db = np.empty(video.level.shape, np.int8)
+        for first in range(0, len(video), MOST_SPOKES // 8):  # some at a time: it bounds memory
+            some = slice(first, first + MOST_SPOKES // 8)
+            background = np.repeat(known.background[sector[some]], BLOCK_CELLS, axis=1)[:, :cells]
+            over = (_levels(video.level[some], radar) - background) * np.float32(2.0 * radar.db_per_level)
+            half_db[some] = np.clip(np.nan_to_num(over), LEAST_HALF_DB, MOST_HALF_DB)
+        out.append(
+            RadarExcess(
+                video.sensor, video.first_m, video.cell_m, video.time_s, video.azimuth_rad % TURN_RAD, video.site_deg, half_db
+            )
+        )
+    return tuple(out)
 
 
 def _masked(mask_deg: Floats, video: RadarVideo, radar: VideoRadar, masks: Masks) -> tuple[Floats, Array]:

@@ -8,7 +8,19 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, DecidedPath, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
+from coastwatch.batches import (
+    Bools,
+    DecidedPath,
+    Floats,
+    Ints,
+    Measurements,
+    Messages,
+    Plots,
+    RadarExcess,
+    Sensors,
+    StandingEchoes,
+    Tracks,
+)
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
@@ -34,6 +46,7 @@ class RegionInput(NamedTuple):
     time_s: float  # end of the cycle
     sensors: Sensors  # with the radars of the region
     region: int  # its number
+    video: tuple[RadarExcess, ...] = ()  # of its radars, for trackers with `takes_video`
 
     @classmethod
     def of_plots(cls, plots: Plots, time_s: float, sensors: Sensors, region: int = 0) -> RegionInput:
@@ -88,7 +101,7 @@ def update_region(
     given: RegionInput,
 ) -> tuple[RadarMemory, RegionOutput]:
     """The memory and the tracks after the plots and messages of a cycle. It consumes the memory."""
-    plots, heard, jumped, time_s, sensors, region = given
+    plots, heard, jumped, time_s, sensors, region, _ = given
     upkeep, bank, origin_deg = parts.upkeep, parts.bank, sensors.region_origin_deg[region]
     memory = memory.without_radars(jumped).fitting(len(bank.models), len(sensors.radars))
     if isinstance(messages, Guiding):

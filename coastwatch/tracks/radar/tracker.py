@@ -75,6 +75,11 @@ class TableTracker(Method):
         return self
 
     @property
+    def takes_video(self) -> bool:
+        """It takes plots."""
+        return False
+
+    @property
     def holds_messages(self) -> bool:
         """Whether AIS messages are in the tracks that it reports."""
         return not (isinstance(self.messages, NoMessages) or self.messages.guides)

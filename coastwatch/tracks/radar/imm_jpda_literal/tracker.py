@@ -89,6 +89,11 @@ class ImmJpdaLiteral(Method):
         return self
 
     @property
+    def takes_video(self) -> bool:
+        """It takes plots."""
+        return False
+
+    @property
     def holds_messages(self) -> bool:
         """No AIS message is in the tracks."""
         return False

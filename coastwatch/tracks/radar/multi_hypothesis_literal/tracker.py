@@ -78,6 +78,11 @@ class MultiHypothesisLiteral(Method, InitiationSettings):
     looks_apart: Count = 1  # a cycle without plots is a look after so many turns
 
     @property
+    def takes_video(self) -> bool:
+        """It takes plots."""
+        return False
+
+    @property
     def holds_messages(self) -> bool:
         """AIS messages are in the tracks that it reports."""
         return True
@@ -104,7 +109,7 @@ class MultiHypothesisLiteral(Method, InitiationSettings):
 
         Raises: ValueError where the memory is of another window.
         """
-        plots, _, jumped, time_s, sensors, region = given
+        plots, _, jumped, time_s, sensors, region, _ = given
         if len(memory.look_s) != self.window + 1:
             raise ValueError(f"memory of hypotheses: got a window of {len(memory.look_s) - 1}, needed {self.window}")
         if jumped.any():

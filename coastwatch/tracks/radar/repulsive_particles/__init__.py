@@ -1,0 +1,1 @@
+"""The repulsive multi particle filter of Heymann et al., repaired: tracks from radar video without plots."""

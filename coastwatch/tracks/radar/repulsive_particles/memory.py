@@ -1,0 +1,88 @@
+"""The memory of repulsive particles: filters, and the spokes that the beam has passed lately; as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from coastwatch.batches import Array, Batch, Bools, Floats, Ints, RadarExcess
+from coastwatch.batches.struct import Struct, column
+
+TURN_RAD = 2.0 * np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class Particles(Batch):
+    """Filters, the older first."""
+
+    number: Ints = column(np.int64, "F")  # never given again
+    sensor: Ints = column(np.int64, "F")  # radar whose video it takes
+    particle: Floats = column(np.float64, "F", "P", 4)  # east, north, course, speed, at time_s
+    time_s: Floats = column(np.float64, "F")
+    looked_s: Floats = column(np.float64, "F")  # when the beam passed last
+    looks: Ints = column(np.int64, "F")
+    good: Ints = column(np.int64, "F")  # looks in a row in which it was narrow and bright
+    acquired: Bools = column(np.bool_, "F")
+    bright: Floats = column(
+        np.float64, "F"
+    )  # smoothed level of its particles over the background, half dB; NaN before the first look
+    sigma_m: Floats = column(np.float64, "F")  # largest deviation of the position
+    started_s: Floats = column(np.float64, "F")
+    origin: Ints = column(np.int64, "F")  # true vessel of the plot that it began at
+    acquired_number: Ints = column(np.int64, "F")  # of the track; -1 before it is acquired
+
+
+@dataclass(frozen=True, eq=False)
+class Window(Struct):
+    """The newest spokes of a radar. Angles grow from turn to turn."""
+
+    first_m: float
+    cell_m: float
+    angle: Floats = column(np.float64, "S")
+    time_s: Floats = column(np.float64, "S")
+    half_db: Array = column(np.int8, "S", "C")
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    def with_spokes(self, video: RadarExcess) -> Window:
+        """This window with the spokes of a cycle behind; of another range scale those alone."""
+        same = (video.first_m, video.cell_m, video.half_db.shape[1]) == (self.first_m, self.cell_m, self.half_db.shape[1])
+        last = float(self.angle[-1]) if same and len(self) else float(video.azimuth_rad[0])
+        steps = np.diff(video.azimuth_rad, prepend=last % TURN_RAD)
+        forward = (steps + 0.5 * TURN_RAD) % TURN_RAD - 0.5 * TURN_RAD  # a beam may step back by jitter
+        angle = np.maximum.accumulate(last + np.cumsum(forward))
+        if not same:
+            return Window(video.first_m, video.cell_m, angle, video.time_s, video.half_db)
+        return Window(
+            self.first_m,
+            self.cell_m,
+            np.concatenate([self.angle, angle]),
+            np.concatenate([self.time_s, video.time_s]),
+            np.concatenate([self.half_db, video.half_db]),
+        )
+
+    def newest(self, kept_rad: float) -> Window:
+        """The spokes of this angle behind the beam."""
+        first = int(np.searchsorted(self.angle, self.angle[-1] - kept_rad)) if len(self) else 0
+        return Window(
+            self.first_m, self.cell_m, self.angle[first:].copy(), self.time_s[first:].copy(), self.half_db[first:].copy()
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ParticlesMemory(Struct):
+    """One region between two cycles."""
+
+    filters: Particles
+    windows: dict[int, Window]  # by number of the radar
+    site_m: Floats = column(np.float64, "R", 2)  # where each radar was last, NaN where it has sent nothing
+    next_filter: int = 1
+    next_number: int = 1  # of the next track
+
+    @classmethod
+    def empty(cls, particles: int, radars: int = 0) -> Self:
+        """No filter. Args: particles: P; radars: R, 0 before the first cycle."""
+        return cls(Particles.empty(P=particles), {}, np.full((radars, 2), np.nan))
