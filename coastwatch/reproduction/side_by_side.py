@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from coastwatch.associations import AssociationInput, Associator
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, RadarCorrections, Reports, Tracks, Truth
+from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks, Truth
 from coastwatch.fused_tracks import Fuser, FusionInput
 from coastwatch.geodesy import difference_m
+from coastwatch.reproduction.region_inputs import cycle_inputs
 from coastwatch.scenario import Scenario
 from coastwatch.scores.nees import nees
 from coastwatch.scores.track_pairs import PairScores, TruePairs, true_vessels
@@ -31,23 +32,20 @@ class SideBySide(Settings):
 def measure(scenario: Scenario, seed: int, asked: SideBySide) -> dict[str, dict[str, dict[str, float | int | None]]]:
     """Figures by method: `associations` as of `PairScores`; `fused_tracks` as of `figures_of`."""
     sensors, plan = scenario.sensors(), scenario.plan()
-    recording, none = scenario.input.load(sensors, seed, plan), RadarCorrections.none(len(sensors.radars))
+    recording = scenario.input.load(sensors, seed, plan)
     assert recording.truth is not None
-    assert isinstance(recording.reports, Reports)
     methods: dict[str, Any] = {**asked.associations, "": scenario.associations}
     memories = {name: method.init() for name, method in methods.items()}
     fusers: dict[str, Any] = dict(asked.fused_tracks)
     fused: dict[str, Any] = {name: method.init() for name, method in fusers.items()}
     scores = dict.fromkeys(asked.associations, PairScores())
     errors: dict[str, list[Floats]] = {name: [] for name in ("radar", "ais", *fused)}
-    converted, radar, ais = scenario.plots.init(), scenario.tracks.init(), scenario.ais_tracks.init()
+    radar, ais = scenario.tracks.init(), scenario.ais_tracks.init()
     spots_memory = scenario.spots.init()
-    for cycle in range(plan.cycles):
-        now_s = plan.instant_s(cycle)
-        reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
-        converted, plots = scenario.plots.step(converted, reports.radar, sensors, none)
-        radar, (radar_tracks, taken, *_) = Running(scenario.tracks, radar).next(RegionInput.of_plots(plots, now_s, sensors))
-        ais, (ais_tracks, _, reported) = scenario.ais_tracks.step(ais, AisInput(reports.ais, now_s, sensors))
+    for now_s, plots, heard, video in cycle_inputs(scenario, recording, video=scenario.tracks.takes_video):
+        given = RegionInput.of_plots(plots, now_s, sensors)._replace(video=video)
+        radar, (radar_tracks, taken, *_) = Running(scenario.tracks, radar).next(given)
+        ais, (ais_tracks, _, reported) = scenario.ais_tracks.step(ais, AisInput(heard, now_s, sensors))
         tracks = scenario.alignment.step(Tracks.join([radar_tracks, ais_tracks]), now_s)
         spots_memory, spots = scenario.spots.step(spots_memory, tracks)
         truth, kinds = recording.truth.at(now_s), sensors.source_kinds

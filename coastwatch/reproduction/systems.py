@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Floats, FusedTracks, Ints, Reports, SourceKind
+from coastwatch.batches import Floats, FusedTracks, Ints, SourceKind
 from coastwatch.centre import Cycle
 from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import to_plane
@@ -59,7 +59,6 @@ def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | 
     sensors, plan = scenario.sensors(), scenario.plan()
     recording = scenario.input.load(sensors, seed, plan)
     assert recording.truth is not None
-    assert isinstance(recording.reports, Reports)
     memory, before_s = start_run(scenario, sensors), -np.inf
     errors: list[Floats] = []
     gospas: list[Gospa] = []

@@ -7,18 +7,29 @@ from dataclasses import replace
 
 import numpy as np
 
-from coastwatch.batches import AisReports, Messages, Plots, RadarCorrections, Recording, Reports, Sensors, Tracks, Truth
+from coastwatch.batches import AisReports, Messages, Plots, Recording, Sensors, Tracks, Truth
 from coastwatch.geodesy import difference_m, to_plane
 from coastwatch.reproduction.published import Targets
+from coastwatch.reproduction.region_inputs import cycle_inputs
 from coastwatch.scenario import Scenario
 from coastwatch.scores.targets import TargetScores
 from coastwatch.server.timing import Stopwatch
 from coastwatch.stage import Running
-from coastwatch.tracks import AisInput, ForestMemory, RadarMemory, RadarTracker, RegionInput, RegionOutput, TableTracker
+from coastwatch.tracks import (
+    AisInput,
+    ForestMemory,
+    ImmJpdaMemory,
+    ParticlesMemory,
+    RadarMemory,
+    RadarTracker,
+    RegionInput,
+    RegionOutput,
+    TableTracker,
+)
 from coastwatch.tracks.radar.association import KnownOrigin
 from coastwatch.tracks.radar.life import TrackManagement
 
-AnyMemory = RadarMemory | ForestMemory
+AnyMemory = RadarMemory | ForestMemory | ImmJpdaMemory | ParticlesMemory
 NEVER = 10**6  # turns or seconds that no run has: tracks of known origin end with their targets
 
 
@@ -43,8 +54,7 @@ def _run(scenario: Scenario, method: RadarTracker, seed: int, asked: Targets) ->
     sensors = scenario.sensors()
     recording = scenario.input.load(sensors, seed, scenario.plan())
     assert recording.truth is not None
-    assert isinstance(recording.reports, Reports)
-    scores, mmsi = TargetScores(asked.cutoff_m, asked.near_m), mmsi_of_vessels(recording.reports.ais)
+    scores, mmsi = TargetScores(asked.cutoff_m, asked.near_m), mmsi_of_vessels(recording.for_scores().ais)
     known = knows_origin(method)
     for now_s, _, found in cycles(scenario, method, recording, method.init()):
         truth = recording.truth.at(now_s)
@@ -69,23 +79,18 @@ def cycles(
 
     The memory that comes with an instant is valid until the next. Args: first: cycle; watch: measures the steps of the tracker.
     """
-    sensors, plan, none = scenario.sensors(), scenario.plan(), RadarCorrections.none(len(scenario.radars))
-    converted, ais_memory, watch = scenario.plots.init(), scenario.ais_tracks.init(), watch or Stopwatch()
+    sensors, ais_memory, watch = scenario.sensors(), scenario.ais_tracks.init(), watch or Stopwatch()
     known = knows_origin(method)
     echo_m = scenario.tracks.upkeep.echo_sigma_m if known and isinstance(scenario.tracks, TableTracker) else 0.0
-    assert isinstance(recording.reports, Reports)
-    for cycle in range(first, plan.cycles):
-        now_s = plan.instant_s(cycle)
-        reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
-        converted, plots = scenario.plots.step(converted, reports.radar, sensors, none)
-        ais_memory, (ais, alarms, taken) = scenario.ais_tracks.step(ais_memory, AisInput(reports.ais, now_s, sensors))
+    for now_s, plots, heard, video in cycle_inputs(scenario, recording, first, method.takes_video):
+        ais_memory, (ais, alarms, taken) = scenario.ais_tracks.step(ais_memory, AisInput(heard, now_s, sensors))
         messages = scenario.tracks.messages_of(taken, ais, sensors, 0, alarms.interval_s)
         if known:  # the bound knows all noise, and of whom each message is
             plots = replace(plots, covariance=plots.covariance + echo_m**2 * np.eye(2))
             plots = Plots.join([plots, _as_plots(messages, sensors)])
         given = RegionInput.of_plots(plots, now_s, sensors)
         with watch("tracks"):
-            memory, found = Running(method, memory).next(given._replace(messages=messages))
+            memory, found = Running(method, memory).next(given._replace(messages=messages, video=video))
         watch.lap()
         yield now_s, memory, found
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coastwatch.batches import ID_STRIDE, Floats, Ints, Reports
+from coastwatch.batches import ID_STRIDE, Floats, Ints
 from coastwatch.geodesy import from_plane, to_plane
 from coastwatch.reproduction.published import TrackLoss
 from coastwatch.reproduction.targets import cycles
@@ -25,7 +25,6 @@ def measure(scenario: Scenario, seed: int, asked: TrackLoss) -> dict[str, float 
     sensors = scenario.sensors()
     recording = scenario.input.load(sensors, seed, scenario.plan())
     assert recording.truth is not None
-    assert isinstance(recording.reports, Reports)
     watch, site_deg, region_deg = Stopwatch(), sensors.radars.site_deg[0], sensors.region_origin_deg[0]
     method, start_s = scenario.tracks, float(recording.truth.time_s[0])
     instants_s = [at for at in map(scenario.plan().instant_s, range(scenario.plan().cycles)) if at >= start_s]
