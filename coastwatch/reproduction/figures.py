@@ -194,7 +194,7 @@ def _column(made: Sequence[Made], figure: Figure, variant: str, path: str) -> Sp
         return Spread()
     below = at(made, variant, {**figure.at, **figure.against}) if figure.against else None
     mean = Spread(values(below.records, path)).mean if below is not None and figure.of_means else math.nan
-    found = []
+    found: list[float] = []
     for k, record in enumerate(one.records):
         value = at_path(record, path)
         over = at_path(record, figure.over) if figure.over else 1.0
@@ -204,4 +204,7 @@ def _column(made: Sequence[Made], figure: Figure, variant: str, path: str) -> Sp
             over = at_path(below.records[k], path) if k < len(below.records) else None
         if value is not None and over and math.isfinite(over):
             found.append(value / over)
+    if found and figure.statistic != "mean":  # one number of all runs, without a deviation
+        worst = max(found) if figure.better == "lower" else min(found)
+        found = [float(np.median(found)) if figure.statistic == "median" else worst]
     return Spread(tuple(found))

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from coastwatch.centre import Cycle
-from coastwatch.reproduction import side_by_side, systems, targets, track_loss, two_filters
+from coastwatch.reproduction import side_by_side, systems, targets, track_loss, trackers, two_filters
 from coastwatch.reproduction.cycle_statistics import Decisions, Pairs
 from coastwatch.reproduction.planning import Job
 from coastwatch.scenario import Scenario
@@ -28,7 +28,7 @@ def measure(job: Job, draw: Draw) -> dict[str, object] | None:
     """The record of a run; None if it was interrupted.
 
     Returns: seed, elapsed_s, scores (with the counts of decisions of the scored cycles), timings_s, and on request `history`
-    (seconds after the start to scores), `roc`, `picture`. Of targets, paths, methods side by side, systems and two filters only seed
+    (seconds after the start to scores), `roc`, `picture`. Of targets and the like only seed
     and scores.
     """
     if isinstance(job.subject, two_filters.TwoFilters):
@@ -39,6 +39,8 @@ def measure(job: Job, draw: Draw) -> dict[str, object] | None:
         return {"seed": job.seed, "scores": {"system": systems.measure(job.scenario, job.seed, job.systems)}}
     if job.targets:
         return {"seed": job.seed, "scores": {"targets": targets.measure(job.scenario, job.seed, job.targets)}}
+    if job.trackers:
+        return {"seed": job.seed, "scores": {"trackers": trackers.measure(job.scenario, job.seed, job.trackers)}}
     if job.track_loss:
         return {"seed": job.seed, "scores": {"paths": track_loss.measure(job.scenario, job.seed, job.track_loss)}}
     decisions = Decisions(job.scenario.sensors())

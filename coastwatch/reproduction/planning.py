@@ -15,6 +15,7 @@ from coastwatch.errors import InputError
 from coastwatch.reproduction.published import Point, Published, Roc, Targets, TrackLoss, Variant, settings_of
 from coastwatch.reproduction.side_by_side import SideBySide
 from coastwatch.reproduction.systems import Systems
+from coastwatch.reproduction.trackers import Trackers
 from coastwatch.reproduction.two_filters import TwoFilters
 from coastwatch.scenario import Scenario, ScenarioError, load_scenario
 from coastwatch.scenario.refusing import refusals
@@ -38,6 +39,7 @@ class Job:
     side_by_side: SideBySide | None = None
     systems: Systems | None = None
     track_loss: TrackLoss | None = None
+    trackers: Trackers | None = None
 
     @property
     def scenario(self) -> Scenario:
@@ -128,8 +130,9 @@ def _job(of: Published, subject: Scenario | TwoFilters, seed: int, roc: Roc | No
         **({"side_by_side": of.side_by_side.model_dump(mode="json")} if of.side_by_side else {}),
         **({"systems": of.systems.model_dump(mode="json")} if of.systems else {}),
         **({"track_loss": of.track_loss.model_dump(mode="json")} if of.track_loss else {}),
+        **({"trackers": of.trackers.model_dump(mode="json")} if of.trackers else {}),
         "code": code,
     }
     key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()[:20]
-    kinds = of.targets, of.side_by_side, of.systems, of.track_loss
+    kinds = of.targets, of.side_by_side, of.systems, of.track_loss, of.trackers
     return Job(key, subject, seed, of.history_s, of.picture, roc, of.serial, *kinds)

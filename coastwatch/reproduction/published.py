@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 from coastwatch.errors import InputError
 from coastwatch.reproduction.side_by_side import SideBySide
 from coastwatch.reproduction.systems import Systems
+from coastwatch.reproduction.trackers import Trackers
 from coastwatch.reproduction.two_filters import TwoFilters
 from coastwatch.scenario.refusing import refusals
 from coastwatch.shipped import scenarios_folder
@@ -76,6 +77,7 @@ class Figure(Settings):
     bound: str = ""  # path of the physical bound
     at: dict[str, Value] = Field(default_factory=dict)  # which point of the sweeps
     against: dict[str, Value] = Field(default_factory=dict)  # divided by the same at this other point
+    statistic: Literal["mean", "median", "worst"] = "mean"  # over the runs
     of_means: bool = False  # divided by the mean there over the runs, not run by run
     unit: str = ""  # "%": the value is a fraction of 1
     digits: int = 2
@@ -146,10 +148,14 @@ class Published(Settings):
     track_loss: TrackLoss | None = None  # score whole paths of radar tracks alone
     side_by_side: SideBySide | None = None  # score several methods on the same tracks
     systems: Systems | None = None  # score the vessels of the whole chain
+    trackers: Trackers | None = None  # score several radar trackers on the same plots
     two_filters: TwoFilters | None = None  # two filters of one target in place of a scenario; settings are theirs
     bound_name: str = "bound"  # heading of that column
     plots: tuple[
-        Literal["picture", "time_shares", "noise", "history", "roc", "convergence", "anees", "pairs", "targets", "steps"], ...
+        Literal[
+            "picture", "time_shares", "noise", "history", "roc", "convergence", "anees", "pairs", "targets", "steps", "ospa"
+        ],
+        ...,
     ] = ()
     short: tuple[str, ...] = ()  # settings of a quick test
     sweep: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
@@ -215,20 +221,20 @@ def read(path: Path) -> Published | None:
         return None
     other = data.pop("variants_of", None)
     if other is not None:
-        data["variant"] = _variants(path, other)
+        data |= _variants(path, other)
     try:
         return Published.model_validate(data)
     except ValidationError as error:
         raise InputError(f"{path}: {'; '.join(refusals(error, Published))}") from error
 
 
-def _variants(path: Path, folder: object) -> list[object]:
-    """The variants of another scenario's file."""
+def _variants(path: Path, folder: object) -> dict[str, object]:
+    """The variants of another scenario's file, and its trackers if it has some."""
     there = scenarios_folder() / str(folder) / "published.toml"
-    found = tomllib.loads(there.read_text("utf-8")).get("variant", []) if there.is_file() else []
-    if not found:
+    every = tomllib.loads(there.read_text("utf-8")) if there.is_file() else {}
+    if not every.get("variant"):
         raise InputError(f"{path}: variants_of: got {folder!r}, needed a scenario with [[variant]] in its published.toml")
-    return list(found)
+    return {key: every[key] for key in ("variant", "trackers") if key in every}
 
 
 def chosen(paper: str, only: tuple[str, ...]) -> dict[str, Published]:

@@ -215,6 +215,24 @@ def _steps(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     return [(_uri(figure), "Mean over the runs; bands are one standard error of it.")]
 
 
+def _ospa(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """OSPA of each tracker over time, a panel for each cut-off."""
+    asked = of.trackers
+    records = [record["scores"]["trackers"] for one in made for record in one.records]
+    if asked is None or not records:
+        return []
+    figure, panels = _panels(len(asked.cutoffs_m))
+    for axes, cutoff in zip(panels, asked.cutoffs_m, strict=True):
+        for k, name in enumerate(["scenario", *asked.methods]):
+            runs = [record[name]["ospa_over_time"][f"{cutoff:g}"] for record in records]
+            at = sorted(set.intersection(*map(set, runs)), key=float)
+            axes.plot(
+                [float(t) + 0.5 * asked.every_s for t in at], [np.mean([r[t] for r in runs]) for t in at], f"C{k}", label=name
+            )
+        _label(axes, f"c = {cutoff:g} m", "time, s", "OSPA, m")
+    return [(_uri(figure), f"OSPA of order 2 of each tracker over time: means over {asked.every_s:g} s and the runs.")]
+
+
 def _errors(axes: Axes, x: Sequence[float], found: Sequence[Spread], label: str, colour: str) -> None:
     """A curve with standard errors of the mean."""
     error = [s.std / np.sqrt(max(len(s.values), 1)) for s in found]
@@ -274,5 +292,6 @@ KINDS: dict[str, Callable[[Published, Sequence[Made]], list[tuple[str, str]]]] =
     "anees": _anees,
     "targets": _targets,
     "steps": _steps,
+    "ospa": _ospa,
     "pairs": _pairs,
 }

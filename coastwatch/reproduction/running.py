@@ -10,11 +10,13 @@ from coastwatch.reproduction.finished_runs import FinishedRuns
 from coastwatch.reproduction.measuring import Draw, measure
 from coastwatch.reproduction.planning import Job
 from coastwatch.reproduction.two_filters import TwoFilters
+from coastwatch.sensors.simulated.video import SimulatedVideo
 from coastwatch.server.many import over_processes
 
 Progress = Callable[[int, int, str], None]
 VESSEL_CYCLE_S = 6e-5  # computing time of one vessel in one cycle, on one core of the 2-core machine; only for the estimate
 TWO_FILTERS_STEP_S = 4e-5  # of a step of two filters, with its share of the gains
+VIDEO_CELL_S = 1.2e-7  # of a cell of simulated video, with extraction and a few trackers
 CYCLE_S = 0.018  # of a cycle without any vessel
 
 
@@ -61,5 +63,7 @@ def _cost_s(job: Job) -> float:
     if isinstance(job.subject, TwoFilters):
         return TWO_FILTERS_STEP_S * job.subject.steps
     cycles = job.scenario.warmup_cycles + job.scenario.cycles
+    if isinstance(job.scenario.input, SimulatedVideo):
+        return cycles * VIDEO_CELL_S * job.scenario.input.spokes * job.scenario.input.cells * len(job.scenario.radars)
     vessels = getattr(job.scenario.input, "count", 0)
     return cycles * (CYCLE_S + VESSEL_CYCLE_S * vessels * (3.0 if job.roc else 1.0))

@@ -31,6 +31,8 @@ SHORTENED: dict[str, dict[str, str]] = {
     "context-driven-500": FEW,
     "context-driven-1000": FEW,
     "guanabara": {"input.count": "60"},
+    "heymann-figures-1-6": {"cycles": "15"},
+    "heymann-figures-7-8": {"cycles": "15"},
     "heymann-table-1": {"cycles": "30"},
     "misregistered-radars": FEW,
     "rangel-figure-3": FEW,

@@ -1,0 +1,52 @@
+"""Several radar trackers on the same plots, or the same video, of a few targets. What makes the plots runs once."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch.batches import Plots, Truth
+from coastwatch.reproduction.region_inputs import cycle_inputs
+from coastwatch.scenario import Scenario
+from coastwatch.scores.multi_target import Figures, MultiTargetScores
+from coastwatch.stage import NotNegative, Positive, Running, Settings
+from coastwatch.tracks import RadarTracker, RegionInput
+
+
+class Trackers(Settings):
+    """Asks for the scores of several radar trackers on the same plots, in place of those of a whole run."""
+
+    methods: dict[str, RadarTracker] = Field(default_factory=dict)  # by name; "scenario" is that of the scenario itself
+    cutoffs_m: tuple[Positive, ...] = (250.0, 500.0)  # of OSPA
+    near_m: Positive = 250.0  # a track farther from its target is false
+    settled_s: NotNegative = 60.0  # after the start: false tracks are also counted from then on
+    every_s: Positive = 200.0  # spans over which OSPA is averaged
+
+
+def measure(scenario: Scenario, seed: int, asked: Trackers) -> dict[str, Figures]:
+    """Figures by method, as of `MultiTargetScores.as_dict`; `plots`: those of the plots themselves, as of `figures_of_plots`."""
+    sensors, plan = scenario.sensors(), scenario.plan()
+    recording = scenario.input.load(sensors, seed, plan)
+    truth = recording.truth
+    assert truth is not None
+    methods: dict[str, RadarTracker] = {"scenario": scenario.tracks, **asked.methods}
+    memories = {name: method.init() for name, method in methods.items()}
+    start = MultiTargetScores(asked.cutoffs_m, asked.near_m, plan.start_s, asked.settled_s, asked.every_s)
+    scores, plots = dict.fromkeys(methods, start), []
+    for now_s, seen, _, video in cycle_inputs(scenario, recording, video=any(m.takes_video for m in methods.values())):
+        now = truth.at(now_s)
+        plots.append(seen)
+        for name, method in methods.items():
+            given = RegionInput.of_plots(seen, now_s, sensors)._replace(video=video)
+            memories[name], found = Running(method, memories[name]).next(given)
+            scores[name] = scores[name].seen(now_s, now, scenario.alignment.step(found.tracks, now_s))
+    return {**{name: of.as_dict() for name, of in scores.items()}, "plots": figures_of_plots(plots, now)}
+
+
+def figures_of_plots(cycles: list[Plots], truth: Truth) -> Figures:
+    """`false_plots`: of a cycle; `detected`: share of the cycles in which there is a plot of each target."""
+    every = max(len(cycles), 1)
+    seen = {
+        str(target): sum(bool((plots.origin == target).any()) for plots in cycles) / every for target in truth.vessel.tolist()
+    }
+    return {"false_plots": float(np.mean([(plots.origin < 0).sum() for plots in cycles])), "detected": seen}
