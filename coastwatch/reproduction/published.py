@@ -153,7 +153,18 @@ class Published(Settings):
     bound_name: str = "bound"  # heading of that column
     plots: tuple[
         Literal[
-            "picture", "time_shares", "noise", "history", "roc", "convergence", "anees", "pairs", "targets", "steps", "ospa"
+            "picture",
+            "time_shares",
+            "noise",
+            "history",
+            "roc",
+            "convergence",
+            "anees",
+            "pairs",
+            "targets",
+            "steps",
+            "ospa",
+            "paths",
         ],
         ...,
     ] = ()

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import AisReports, Plots, RadarCorrections, RadarExcess, Recording
+from coastwatch.batches import AisReports, Plots, RadarCorrections, RadarExcess, RadarReports, Recording
 from coastwatch.plots import ExtractionInput, over_background
 from coastwatch.scenario import Scenario
 
@@ -31,10 +31,11 @@ def cycle_inputs(scenario: Scenario, recording: Recording, first: int = 0, video
     for cycle in range(first, plan.cycles):
         now_s = plan.instant_s(cycle)
         reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
-        shown, radar, over = ExtractionInput(reports.video, sensors), reports.radar, ()
+        shown, radar = ExtractionInput(reports.video, sensors), reports.radar
+        over: tuple[RadarExcess, ...] = ()
         if len(reports.video):
             extraction, extracted = scenario.extraction.step(extraction, shown)
-            radar = type(radar).join([radar, extracted])
+            radar = RadarReports.join([radar, extracted])
             over = over_background(extraction, shown) if video else ()
         converted, plots = scenario.plots.step(converted, radar, sensors, none)
         yield CycleInput(now_s, plots, reports.ais, over)

@@ -233,6 +233,24 @@ def _ospa(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     return [(_uri(figure), f"OSPA of order 2 of each tracker over time: means over {asked.every_s:g} s and the runs.")]
 
 
+def _paths(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """The true paths, and those of each tracker that is drawn, of plots over all of these; of the first run."""
+    asked = of.trackers
+    first = next((record for one in made for record in one.records), None)
+    if asked is None or not asked.drawn or first is None:
+        return []
+    paths = first["scores"]["trackers"]["paths"]
+    figure, panels = _panels(1 + len(asked.drawn))
+    for axes, name in zip(panels, ("targets", *asked.drawn), strict=True):
+        of_plots = name in asked.methods and not asked.methods[name].takes_video
+        for of_what, colour, size in (("candidates", BOUND, 2.0), (name, OURS, 4.0))[0 if of_plots else 1 :]:
+            points = np.array(paths[of_what]).reshape(-1, 2) / 1000.0
+            axes.scatter(points[:, 0], points[:, 1], size, colour, linewidths=0.0, label=of_what)
+        axes.set_aspect("equal")
+        _label(axes, name, "east, km", "north, km")
+    return [(_uri(figure), f"Paths of the run with seed {first['seed']}, a point each {asked.draw_every} turns.")]
+
+
 def _errors(axes: Axes, x: Sequence[float], found: Sequence[Spread], label: str, colour: str) -> None:
     """A curve with standard errors of the mean."""
     error = [s.std / np.sqrt(max(len(s.values), 1)) for s in found]
@@ -293,5 +311,6 @@ KINDS: dict[str, Callable[[Published, Sequence[Made]], list[tuple[str, str]]]] =
     "targets": _targets,
     "steps": _steps,
     "ospa": _ospa,
+    "paths": _paths,
     "pairs": _pairs,
 }

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Plots, Truth
+from coastwatch.batches import Floats, Plots, Truth
+from coastwatch.geodesy import to_plane
 from coastwatch.reproduction.region_inputs import cycle_inputs
 from coastwatch.scenario import Scenario
 from coastwatch.scores.multi_target import Figures, MultiTargetScores
-from coastwatch.stage import NotNegative, Positive, Running, Settings
+from coastwatch.stage import Count, NotNegative, Positive, Running, Settings
 from coastwatch.tracks import RadarTracker, RegionInput
 
 
@@ -21,10 +22,15 @@ class Trackers(Settings):
     near_m: Positive = 250.0  # a track farther from its target is false
     settled_s: NotNegative = 60.0  # after the start: false tracks are also counted from then on
     every_s: Positive = 200.0  # spans over which OSPA is averaged
+    drawn: tuple[str, ...] = ()  # methods whose paths are kept and drawn
+    draw_every: Count = 5  # number of cycles from one point of a path to the next
 
 
-def measure(scenario: Scenario, seed: int, asked: Trackers) -> dict[str, Figures]:
-    """Figures by method, as of `MultiTargetScores.as_dict`; `plots`: those of the plots themselves, as of `figures_of_plots`."""
+def measure(scenario: Scenario, seed: int, asked: Trackers) -> dict[str, Figures | dict[str, list[list[float]]]]:
+    """Figures by method, as of `MultiTargetScores.as_dict`; `plots`: those of the plots themselves, as of `figures_of_plots`.
+
+    `paths`: points east and north of the origin of the region, of plots (`candidates`), `targets` and the methods that are drawn.
+    """
     sensors, plan = scenario.sensors(), scenario.plan()
     recording = scenario.input.load(sensors, seed, plan)
     truth = recording.truth
@@ -32,15 +38,29 @@ def measure(scenario: Scenario, seed: int, asked: Trackers) -> dict[str, Figures
     methods: dict[str, RadarTracker] = {"scenario": scenario.tracks, **asked.methods}
     memories = {name: method.init() for name, method in methods.items()}
     start = MultiTargetScores(asked.cutoffs_m, asked.near_m, plan.start_s, asked.settled_s, asked.every_s)
-    scores, plots = dict.fromkeys(methods, start), []
+    scores, plots = dict.fromkeys(methods, start), list[Plots]()
+    paths: dict[str, list[list[float]]] = {name: [] for name in ("candidates", "targets", *asked.drawn)}
     for now_s, seen, _, video in cycle_inputs(scenario, recording, video=any(m.takes_video for m in methods.values())):
         now = truth.at(now_s)
         plots.append(seen)
+        draws = bool(asked.drawn) and len(plots) % asked.draw_every == 0
+        if asked.drawn:
+            paths["candidates"] += _points(seen.position_m)
+        if draws:
+            paths["targets"] += _points(to_plane(now.position_deg, sensors.region_origin_deg[0]))
         for name, method in methods.items():
             given = RegionInput.of_plots(seen, now_s, sensors)._replace(video=video)
             memories[name], found = Running(method, memories[name]).next(given)
             scores[name] = scores[name].seen(now_s, now, scenario.alignment.step(found.tracks, now_s))
-    return {**{name: of.as_dict() for name, of in scores.items()}, "plots": figures_of_plots(plots, now)}
+            if draws and name in asked.drawn:
+                paths[name] += _points(to_plane(found.tracks.position_deg, sensors.region_origin_deg[0]))
+    return {**{name: of.as_dict() for name, of in scores.items()}, "plots": figures_of_plots(plots, now), "paths": paths}
+
+
+def _points(position_m: Floats) -> list[list[float]]:
+    """East and north of each point, to a metre."""
+    rounded: list[list[float]] = np.round(position_m).tolist()
+    return rounded
 
 
 def figures_of_plots(cycles: list[Plots], truth: Truth) -> Figures:

@@ -19,8 +19,8 @@ SEED = 2001
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[report.Reproduction, Path]:
-    """All folders of the paper, one run."""
-    folders = published.chosen("heymann", ())
+    """The folders of the whole scene, one run."""
+    folders = published.chosen("heymann", ("table-1", "figures-1-6", "figures-7-8"))
     short = folders["heymann-table-1"].short
     kept = FinishedRuns(str(tmp_path_factory.mktemp("heymann")))
     plan = planning.plan(folders, 1, "test", short, SEED)
@@ -53,11 +53,24 @@ def test_the_report_has_the_printed_figures_beside_ours(made: tuple[report.Repro
     assert " 12.0 " in line
     assert "asked: reached" in line
     assert any(text.strip().startswith("OSPA 200 to 400 s, c = 250 m, literal") for text in said)
+    page = report.written_page(FinishedRuns(str(made[1].parent)), made[0]).read_text("utf-8")
+    assert page.count("data:image/svg") == 3, "OSPA twice, and the paths"
     numbers = json.loads(made[1].read_text("utf-8"))
     figure = next(
         f for f in numbers["scenarios"]["heymann-table-1"]["figures"] if f["name"] == "completeness, RMPF, one search"
     )
     assert figure["published"] == pytest.approx(0.974)
+
+
+def test_the_repulsion_as_printed_is_shown_beside_the_repaired_one(tmp_path: Path) -> None:
+    folders = published.chosen("heymann", ("repulsion",))
+    plan, kept = planning.plan(folders, 1, "test", folders["heymann-repulsion"].short, SEED), FinishedRuns(str(tmp_path))
+    running.carry_out(kept, planning.unlike(plan), 1, lambda *_: None, draw_run)
+    done = report.made("heymann", folders, plan, kept, "coastwatch reproduce heymann")
+    found = done.folders[0].made[0].records[0]["scores"]["trackers"]
+    assert found["particles"]["acquisition_s"] <= 31.6
+    assert found["literal_equation"]["acquisition_s"] is None, "filters gather on the same tug"
+    assert found["uniform_start"]["acquisition_s"] is None
 
 
 def test_median_and_worst_are_of_all_runs() -> None:

@@ -33,6 +33,7 @@ SHORTENED: dict[str, dict[str, str]] = {
     "guanabara": {"input.count": "60"},
     "heymann-figures-1-6": {"cycles": "15"},
     "heymann-figures-7-8": {"cycles": "15"},
+    "heymann-repulsion": {"cycles": "15"},
     "heymann-table-1": {"cycles": "30"},
     "misregistered-radars": FEW,
     "rangel-figure-3": FEW,
