@@ -40,11 +40,11 @@ class VideoHealth:
 
     def states(self, now_s: float) -> list[RadarState]:
         """The radars as the API answers them."""
-        return [self._state(state, now_s) for _, state in sorted(self._radars.copy().items())]
+        return [self._state(state, now_s) for _, state in sorted(dict(self._radars).items())]
 
     def _state(self, s: VideoState, now_s: float) -> RadarState:
         looks = self._looks.get(s.name)
-        spokes, lost = (looks[-1][k] - looks[0][k] for k in (1, 2)) if looks else (0, 0)
+        spokes, lost = (looks[-1][1] - looks[0][1], looks[-1][2] - looks[0][2]) if looks else (0, 0)
         silent_s = max(now_s - s.heard_s, 0.0)
         return {
             "name": s.name,

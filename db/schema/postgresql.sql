@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/schema/tables.py, schema 0024, by `make docs`.
+-- Generated from coastwatch/store/schema/tables.py, schema 0026, by `make docs`.
 
 CREATE TABLE audit (
 	id BIGSERIAL NOT NULL,
@@ -322,10 +322,10 @@ CREATE TABLE recording (
 	member_source BYTEA NOT NULL,
 	nav_status BYTEA,
 	existence BYTEA,
+	alternative_m BYTEA,
 	echo_length_m BYTEA,
 	echo_width_m BYTEA,
 	echo_axis_deg BYTEA,
-	alternative_m BYTEA,
 	PRIMARY KEY (run_id, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
@@ -403,6 +403,8 @@ CREATE TABLE sensor_registration (
 	tracks BIGINT,
 	position_sigma_m FLOAT(53),
 	velocity_sigma_m_s FLOAT(53),
+	range_noise_factor FLOAT(53),
+	azimuth_noise_factor FLOAT(53),
 	PRIMARY KEY (run_id, cycle, kind, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );

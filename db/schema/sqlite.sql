@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/schema/tables.py, schema 0024, by `make docs`.
+-- Generated from coastwatch/store/schema/tables.py, schema 0026, by `make docs`.
 
 CREATE TABLE audit (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -334,10 +334,10 @@ CREATE TABLE recording (
 	member_source BLOB NOT NULL,
 	nav_status BLOB,
 	existence BLOB,
+	alternative_m BLOB,
 	echo_length_m BLOB,
 	echo_width_m BLOB,
 	echo_axis_deg BLOB,
-	alternative_m BLOB,
 	PRIMARY KEY (run_id, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
@@ -417,6 +417,8 @@ CREATE TABLE sensor_registration (
 	tracks INTEGER,
 	position_sigma_m FLOAT,
 	velocity_sigma_m_s FLOAT,
+	range_noise_factor FLOAT,
+	azimuth_noise_factor FLOAT,
 	PRIMARY KEY (run_id, cycle, kind, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )

@@ -54,7 +54,7 @@ def turns(tracker: RadarTracker, count: int, seed: int) -> tuple[str, ...]:
 def _places(random: np.random.Generator, count: int) -> Floats:
     """Even over the disc."""
     angle, away = random.uniform(0.0, 2.0 * np.pi, count), RANGE_M * np.sqrt(random.uniform(0.001, 0.8, count))
-    return away[:, None] * np.column_stack([np.sin(angle), np.cos(angle)])
+    return np.asarray(away[:, None] * np.column_stack([np.sin(angle), np.cos(angle)]))
 
 
 def _plots(places: Floats, turn: int, random: np.random.Generator) -> Plots:

@@ -20,7 +20,7 @@ from coastwatch.regional import reports_of_regions, start_region, step_of_region
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.gospa import gospa
 from coastwatch.sensors.simulated.simulation import inside
-from coastwatch.sensors.simulated.video import Ship
+from coastwatch.sensors.simulated.video import Ship, SimulatedVideo
 from coastwatch.stage import serial
 from coastwatch.tracks import RadarMemory
 from coastwatch.tracks.radar.extent import LEAST_PLOTS, Hulls, axes, joined
@@ -85,7 +85,8 @@ def size(case: Case, seeds: range, turns: int) -> dict[str, float]:
     scenario = load_scenario("heymann-table-1", inner | {"cycles": str(turns)})
     scenario = scenario.model_copy(update={"input": scenario.input.model_copy(update={"ships": (ship,)})})
     sensors, plan, none = scenario.sensors(), scenario.plan(), RadarCorrections.none(1)
-    lengths, widths, off_deg, pieces, plots, tracks = [], [], [], [], [], []
+    lengths, widths, off_deg = list[float](), list[float](), list[float]()
+    pieces, plots, tracks = list[float](), list[float](), list[float]()
     for seed in seeds:
         recording, step, memory = scenario.input.load(sensors, seed, plan), step_of_regions(scenario), start_region(scenario)
         assert recording.truth is not None
@@ -140,6 +141,7 @@ def harbour(scenario: Scenario, seed: int) -> dict[str, float]:
     sensors, plan = scenario.sensors(), scenario.plan()
     recording, memory = scenario.input.load(sensors, seed, plan), start_run(scenario, sensors)
     assert recording.truth is not None
+    assert isinstance(scenario.input, SimulatedVideo)
     length_m = np.array([ship.length_m for ship in scenario.input.ships])
     rows: dict[str, list[dict[str, float]]] = {"radar": [], "picture": []}
     for cycle in range(plan.cycles):
@@ -152,7 +154,7 @@ def harbour(scenario: Scenario, seed: int) -> dict[str, float]:
         of_radar = made.tracks.position_deg[made.tracks.source == 0]
         for name, found in (("radar", of_radar), ("picture", made.picture.position_deg)):
             rows[name].append(_instant(found, truth, length_m, sensors.land_deg))
-    out = {}
+    out: dict[str, float] = {}
     for name, of in rows.items():
         out |= {f"{name}_{key}": round(float(np.mean([row[key] for row in of])), 4) for key in of[0]}
     return out

@@ -210,9 +210,18 @@ def _follows(before: RadarVideo, part: RadarVideo) -> bool:
 
 def _one(group: list[RadarVideo]) -> RadarVideo:
     """One batch of several of one scale."""
-    names = ("time_s", "received_s", "azimuth_rad", "site_deg", "level", "missing", "vessel_m")
-    columns = {name: np.concatenate([getattr(part, name) for part in group]) for name in names}
-    return group[0] if len(group) == 1 else replace(group[0], **columns)
+    if len(group) == 1:
+        return group[0]
+    return replace(
+        group[0],
+        time_s=np.concatenate([part.time_s for part in group]),
+        received_s=np.concatenate([part.received_s for part in group]),
+        azimuth_rad=np.concatenate([part.azimuth_rad for part in group]),
+        site_deg=np.concatenate([part.site_deg for part in group]),
+        level=np.concatenate([part.level for part in group]),
+        missing=np.concatenate([part.missing for part in group]),
+        vessel_m=np.concatenate([part.vessel_m for part in group]),
+    )
 
 
 def _decoder(feed: FeedSettings, sensors: Sensors) -> VideoDecoder:

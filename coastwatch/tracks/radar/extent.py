@@ -159,5 +159,5 @@ def _sums(pieces: Plots, group: Ints, first: Bools) -> Plots:
         range_m=mean(pieces.range_m),
         azimuth_rad=pieces.azimuth_rad[first] + mean(turned),
         extent=mean(pieces.extent) + apart,
-        weight=np.bincount(group, pieces.weight),
+        weight=np.bincount(group, pieces.weight).astype(np.float64),
     )

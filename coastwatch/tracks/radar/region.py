@@ -34,6 +34,7 @@ from coastwatch.tracks.radar.plot_batches import cut, is_usable
 from coastwatch.tracks.radar.report import Reported, report, report_decided, report_measurements
 from coastwatch.tracks.radar.table import RadarMemory
 
+NOTHING_DECIDED = DecidedPath.empty()
 HELD = 0.98  # an id of this probability is reported as that of the vessel; the first message gives `correct_id`, 0.99
 
 
@@ -61,7 +62,7 @@ class RegionOutput(NamedTuple):
     measurements: Measurements  # the plots of this cycle in them
     standing_echoes: StandingEchoes  # none where no clutter map is learnt
     dropped: int  # plots that are not finite, or from the future
-    decided: DecidedPath  # the past that became final in this cycle; empty for trackers that decide at once
+    decided: DecidedPath = NOTHING_DECIDED  # the past that became final in this cycle; none for trackers that decide at once
 
 
 @dataclass

@@ -129,7 +129,7 @@ class PictureStream:
             cell_m=s.pixel_m,
             time_s=time_s,
             received_s=time_s,
-            azimuth_rad=azimuth,
+            azimuth_rad=np.asarray(azimuth, np.float64),
             site_deg=np.tile(self._site_deg[row], (s.spokes, 1)),
             level=polar,
         )
@@ -183,5 +183,5 @@ def _filled(level: Array, good: Array) -> Array:
     """The levels, with the median of their range in place of those that are not good. (S, C) uint8 each"""
     if good.all():
         return level
-    usual = np.ma.median(np.ma.masked_array(level, ~good), axis=0).filled(0.0)
-    return np.asarray(np.where(good, level, np.rint(usual).astype(np.uint8)))
+    usual = np.nanmedian(np.where(good, level, np.nan), axis=0)
+    return np.asarray(np.where(good, level, np.rint(np.nan_to_num(usual)).astype(np.uint8)))

@@ -44,7 +44,9 @@ class Jpda(Settings):
         begins = rest
         if len(rest):
             others = replace(table, live=table.live[table.status[table.live] != Status.CONFIRMED])
-            few = PlotColumns(*(column[rest] for column in batch))
+            few = PlotColumns(
+                batch.time[rest], batch.position[rest], batch.covariance[rest], batch.sensor[rest], batch.origin[rest]
+            )
             taken, free = associate(rules, others, few, period_s, per_m2[rest], clutter.learnt)
             begins, rows = rest[free], rest[taken >= 0]
             slot[rows] = taken[taken >= 0]

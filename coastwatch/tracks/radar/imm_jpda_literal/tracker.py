@@ -98,7 +98,9 @@ class ImmJpdaLiteral(Method):
         """No AIS message is in the tracks."""
         return False
 
-    def messages_of(self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int) -> Messages:
+    def messages_of(
+        self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
+    ) -> Messages:
         """None."""
         return Messages.empty()
 
@@ -148,6 +150,9 @@ class ImmJpdaLiteral(Method):
             origin=kernels.tracks.report.most_frequent_origins(confirmed.origins, np.minimum(confirmed.plots, NEWEST), every),
             held_mmsi=np.full(len(confirmed), -1),
             existence=np.full(len(confirmed), np.nan),
+            extent=np.full((len(confirmed), 3), np.nan),
+            beam_m=np.full(len(confirmed), np.nan),
+            alternative_m=np.full(len(confirmed), np.nan),
         )
         now = Estimates(np.full(len(confirmed), time_s), mean, covariance, np.zeros(len(confirmed)))
         tracks = report(now, said, columns, time_s, sensors, region)

@@ -162,7 +162,8 @@ def _grown(parts: Parts, forest: Forest, batch: PlotColumns, look: Look) -> tupl
     renewal_s = parts.bank.prior.renewal_s
     grow = kernels.tracks.hypothesis_trees.grow
     grown, steps = grow(leaves.columns, first, plot, look, batch, rules.chain, renewal_s, parts.bank.models)
-    new = FilterSteps(*steps, np.full(len(plot), look.radar))
+    radar = np.full(len(plot), look.radar)
+    new = FilterSteps(steps.time, steps.mean, steps.covariance, steps.predicted_mean, steps.predicted_covariance, radar)
     return Leaves(*grown), FilterSteps.join([forest.steps, new])
 
 

@@ -52,9 +52,9 @@ def with_roots(forest: Forest, table: Table, slots: Ints, plots: Ints) -> Forest
     window, step = np.full((2, count, width), -1)
     window[:, -1] = plots
     step[:, -1] = len(forest.steps) + np.arange(count)
-    begun = table.updated_s[slots], *(2 * [table.combined_mean[slots], table.combined_covariance[slots]])
+    mean, covariance = table.combined_mean[slots], table.combined_covariance[slots]
     radar = np.where(np.isfinite(table.radar_s[slots]).any(axis=1), table.radar_s[slots].argmax(axis=1), -1)
-    steps = FilterSteps.join([forest.steps, FilterSteps(*begun, radar)])
+    steps = FilterSteps.join([forest.steps, FilterSteps(table.updated_s[slots], mean, covariance, mean, covariance, radar)])
     of_table = {f.name: getattr(table, f.name)[slots] for f in fields(Leaves) if f.name not in OF_LEAVES}
     own = {"slot": slots, "cost": np.zeros(count), "existence": np.full(count, SURELY), "plot": window, "step": step}
     new = Leaves(**own, mmsi=table.probable_ids(slots, HELD), **of_table)

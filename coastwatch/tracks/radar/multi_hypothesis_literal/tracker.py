@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, DecidedPath, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
+from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
@@ -126,7 +126,7 @@ class MultiHypothesisLiteral(Method, InitiationSettings):
             number[look.row] = taken
         tracks = self._report(memory, radars, time_s, sensors, region)
         measurements = report_measurements(tracks, number, plots, sensors, region)
-        return memory, RegionOutput(tracks, measurements, StandingEchoes.empty(), int((~good).sum()), DecidedPath.empty())
+        return memory, RegionOutput(tracks, measurements, StandingEchoes.empty(), int((~good).sum()))
 
     def _looks(self, memory: ForestMemory, plots: Plots, time_s: float, radars: RadarColumns) -> list[_Taken]:
         """The looks of a cycle by time: the plots of each radar, or a look without plots if none has come for a turn."""
@@ -304,7 +304,7 @@ class MultiHypothesisLiteral(Method, InitiationSettings):
         origin = leaves.origin[np.arange(len(trees)), alike.argmax(axis=1)]
         unknown = np.full(len(trees), np.nan)
         extent = np.full((len(trees), 3), np.nan)
-        said = Reported(trees.number, leaves.updated_s, trees.started_s, origin, leaves.mmsi, unknown, extent, unknown)
+        said = Reported(trees.number, leaves.updated_s, trees.started_s, origin, leaves.mmsi, unknown, extent, unknown, unknown)
         return report(now, said, radars, time_s, sensors, region)
 
 

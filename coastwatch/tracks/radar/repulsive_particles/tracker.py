@@ -78,7 +78,9 @@ class RepulsiveParticles(Method):
         """No AIS message is in the tracks."""
         return False
 
-    def messages_of(self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int) -> Messages:
+    def messages_of(
+        self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
+    ) -> Messages:
         """None."""
         return Messages.empty()
 
@@ -209,15 +211,15 @@ class RepulsiveParticles(Method):
         for k, (time_s, position) in enumerate(zip(plots.time_s.tolist(), plots.position_m, strict=True)):
             angle = float(np.interp(time_s, window.time_s, window.angle))
             bright[k] = max(float(_over(window, position[None] - site_m, angle)[0]), 0.0)
-            bright[k] *= self._kept(memory.filters, position[None], memory.next_filter, time_s)[0]
+            bright[k] *= float(self._kept(memory.filters, position[None], memory.next_filter, time_s)[0])
         wanted = self.searching - int((~memory.filters.acquired & (memory.filters.sensor == radar)).sum())
         for _ in range(max(wanted, 0)):
             f = memory.filters
             random = np.random.default_rng([self.seed, STARTS, memory.next_filter])
             x = np.empty((n, 4))
             if self.start == "uniform":
-                angle, away = random.uniform(-np.pi, np.pi, n), np.sqrt(random.random(n)) * self._reach(window)
-                x[:, :2] = site_m + away[:, None] * np.column_stack([np.sin(angle), np.cos(angle)])
+                every, away = random.uniform(-np.pi, np.pi, n), np.sqrt(random.random(n)) * self._reach(window)
+                x[:, :2] = site_m + away[:, None] * np.column_stack([np.sin(every), np.cos(every)])
                 time_s, origin = float(window.time_s[-1]), -1
                 looked_s = time_s - 0.25 * period_s
             else:
@@ -252,7 +254,7 @@ class RepulsiveParticles(Method):
 
     def _reach(self, window: Window) -> float:
         """The far edge of the video."""
-        return window.first_m + window.cell_m * window.half_db.shape[1]
+        return float(window.first_m + window.cell_m * window.half_db.shape[1])
 
     def _reported(self, memory: ParticlesMemory, given: RegionInput) -> Tracks:
         """The acquired filters, moved to the end of the cycle."""
@@ -273,7 +275,8 @@ class RepulsiveParticles(Method):
         never = np.full(len(ours), NEVER_S)
         radars = RadarColumns(site_m, sensors.radars.range_m[ours], sensors.radars.period_s[ours], never)
         none: Ints = np.full(len(f), -1)
-        said = Reported(f.acquired_number, f.looked_s, f.started_s, f.origin, none, np.full(len(f), np.nan))
+        unknown, extent = np.full(len(f), np.nan), np.full((len(f), 3), np.nan)
+        said = Reported(f.acquired_number, f.looked_s, f.started_s, f.origin, none, unknown, extent, unknown, unknown)
         return report(
             Estimates(np.full(len(f), time_s), mean, covariance, np.zeros(len(f))), said, radars, time_s, sensors, region
         )
