@@ -48,7 +48,7 @@ class Ship(Settings):
     legs: tuple[Leg, ...] = ()  # one after the other, again and again; none: straight on
     length_m: Positive = 32.0
     width_m: Positive = 11.0
-    antenna_m: Annotated[float, Field(ge=-250.0, le=250.0)] = 0.0  # of its AIS, before the middle; negative: aft
+    antenna_m: Annotated[float, Field(ge=-250.0, le=250.0)] = 0.0  # of its AIS, ahead of the middle positive
 
 
 class SimulatedVideo(Method):

@@ -62,7 +62,7 @@ class ImmJpdaLiteral(Method):
     straight_s: Positive = 200.0  # mean time in CV
     turning_s: Positive = 60.0  # mean time in CTRV
     start_rate_deg_s: Positive = 0.6  # deviation of the turn rate at confirmation
-    start_straight: Probability = 0.6  # of CV at confirmation
+    start_straight: Probability = 0.6  # probability of CV at confirmation
     start_speed_m_s: Positive = 8.0  # deviation of each component of the velocity before anything is known
     start_acceleration_m_s2: NotNegative = 0.05  # deviation of a preliminary track's acceleration
     detection_probability: Probability = 0.95  # of a vessel in one look

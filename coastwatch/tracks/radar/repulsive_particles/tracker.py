@@ -56,13 +56,13 @@ class RepulsiveParticles(Method):
     position_noise_m: NotNegative = 3.0  # deviation per axis after a turn
     start_m: Positive = 30.0  # deviation around the plot where a filter begins
     start_speed_m_s: Positive = 12.0  # largest speed at the start
-    sharpness: Positive = 0.25  # natural logarithm of the weight for each half decibel
+    sharpness: Positive = 0.25  # factor: natural logarithm of the weight for each half decibel
     blind_m: NotNegative = 350.0  # nothing is looked for nearer to the radar
     searching: Count = 3  # number of filters that look for a vessel at a time; of the paper 1
     acquire_m: Positive = 60.0  # a filter that stays narrower than this has a vessel
     acquire_looks: Count = 5  # after so many looks
     end_m: Positive = 150.0  # a filter that is wider has lost its vessel
-    least_half_db: NotNegative = 9.0  # level over the background of a vessel, half decibels
+    least_half_db: NotNegative = 9.0  # number of half decibels of a vessel over the background
     repulsion: Literal["distance", "literal_equation", "none"] = "distance"
     reach_m: Positive = 50.0  # least deviation of a filter that pushes
     end_share: Probability = 0.3  # a filter whose mean keeps less of its weight is in the place of another, and ends
