@@ -49,7 +49,7 @@ class RepulsiveParticles(Method):
     """
 
     method: Literal["repulsive_particles"] = "repulsive_particles"
-    particles: Annotated[int, Field(ge=10, le=100_000)] = 1000  # of each filter
+    particles: Annotated[int, Field(ge=10, le=100_000)] = 1000  # number in each filter
     seed: Annotated[int, Field(ge=0)] = 0  # whole number that all randomness starts from
     course_noise_deg: NotNegative = 1.0  # deviation of the course after a turn
     speed_noise_m_s: NotNegative = 0.12  # deviation of the speed after a turn
