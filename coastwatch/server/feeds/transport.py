@@ -239,6 +239,7 @@ class _Datagrams:
     def __init__(self, inbox: Inbox, receiver: socket.socket) -> None:
         """Args: receiver: does not block."""
         self._inbox, self._receiver, self._whole = inbox, receiver, FORMATS[inbox.address.format].in_datagrams
+        self._buffer = memoryview(bytearray(READ_BYTES))  # `recvfrom` would take so much for each, and leave holes in memory
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(receiver, self._read)
 
@@ -251,7 +252,8 @@ class _Datagrams:
         """Take what waits, at most so much that other feeds have their turn."""
         with suppress(OSError):  # nothing more waits
             for _ in range(MOST_AT_ONCE):
-                data, address = self._receiver.recvfrom(READ_BYTES)
+                size, address = self._receiver.recvfrom_into(self._buffer)
+                data = bytes(self._buffer[:size])
                 if self._inbox.is_full:
                     self._inbox.drop_oldest()
                 self._inbox.put([data] if self._whole else data.splitlines(), len(data), self._inbox.sender_at(address))
