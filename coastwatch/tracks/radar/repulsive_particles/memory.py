@@ -27,7 +27,7 @@ class Particles(Batch):
     acquired: Bools = column(np.bool_, "F")
     bright: Floats = column(
         np.float64, "F"
-    )  # smoothed level of its particles over the background, half dB; NaN before the first look
+    )  # smoothed level of its particles over the background, dB; NaN before the first look
     sigma_m: Floats = column(np.float64, "F")  # largest deviation of the position
     started_s: Floats = column(np.float64, "F")
     origin: Ints = column(np.int64, "F")  # true vessel of the plot that it began at

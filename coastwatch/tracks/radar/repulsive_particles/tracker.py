@@ -25,7 +25,8 @@ STREAM, STARTS = 91, 92  # of random numbers
 WIDEST_RAD = np.radians(30.0)  # half of the widest cloud that is looked at on time
 KEPT_RAD = 2.0 * WIDEST_RAD + np.radians(4.0)  # of spokes in the memory
 MARGIN_RAD = np.radians(2.0)
-LEAST_DB, MOST_DB = -20.0, 50.0  # half decibels of a cell that count; outside the range nothing is seen
+LEAST_DB, MOST_DB = -10.0, 25.0  # of a cell over the background, that count; outside the range nothing is seen
+LEAST_START_DB = 0.5  # of all plots together: there is nothing to begin at
 SMOOTHED = 0.2  # weight of a look in the level of a filter
 PART_M = 150.0  # between two searches
 POWER = 4  # of the repulsion
@@ -56,13 +57,13 @@ class RepulsiveParticles(Method):
     position_noise_m: NotNegative = 3.0  # deviation per axis after a turn
     start_m: Positive = 30.0  # deviation around the plot where a filter begins
     start_speed_m_s: Positive = 12.0  # largest speed at the start
-    sharpness: Positive = 0.25  # factor: natural logarithm of the weight for each half decibel
+    sharpness: Positive = 0.5  # natural logarithm of the factor of the weight for each decibel over the background
     blind_m: NotNegative = 350.0  # nothing is looked for nearer to the radar
     searching: Count = 3  # number of filters that look for a vessel at a time; of the paper 1
     acquire_m: Positive = 60.0  # a filter that stays narrower than this has a vessel
     acquire_looks: Count = 5  # after so many looks
     end_m: Positive = 150.0  # a filter that is wider has lost its vessel
-    least_half_db: NotNegative = 9.0  # number of half decibels of a vessel over the background
+    least_db: NotNegative = 6.5  # of a vessel over the background
     repulsion: Literal["distance", "literal_equation", "none"] = "distance"
     reach_m: Positive = 50.0  # least deviation of a filter that pushes
     end_share: Probability = 0.3  # a filter whose mean keeps less of its weight is in the place of another, and ends
@@ -175,12 +176,12 @@ class RepulsiveParticles(Method):
         f.looks[row] += 1
         f.sigma_m[row] = sigma_m
         f.bright[row] = bright if np.isnan(f.bright[row]) else f.bright[row] + SMOOTHED * (bright - f.bright[row])
-        narrow = sigma_m < self.acquire_m and bright > self.least_half_db
+        narrow = sigma_m < self.acquire_m and bright > self.least_db
         f.good[row] = f.good[row] + 1 if narrow else 0
         if self._kept(f, mean[None], int(f.number[row]), look.time_s)[0] < self.end_share:
             return True, memory  # weights are normalised within a filter: repulsion moves none that is wholly inside
         if f.acquired[row]:
-            f.acquired[row] = sigma_m < self.end_m and f.bright[row] > self.least_half_db
+            f.acquired[row] = sigma_m < self.end_m and f.bright[row] > self.least_db
         elif f.good[row] >= self.acquire_looks:
             f.acquired[row] = True
             if f.acquired_number[row] < 0:
@@ -226,7 +227,7 @@ class RepulsiveParticles(Method):
                 for row in np.flatnonzero(~f.acquired).tolist():  # nor where another one searches
                     apart = np.hypot(*(plots.position_m - f.particle[row, :, :2].mean(axis=0)).T)
                     bright = np.where(apart > PART_M, bright, 0.0)
-                if bright.sum() < 1.0:
+                if bright.sum() < LEAST_START_DB:
                     break
                 at = int(random.choice(len(bright), p=bright / bright.sum()))
                 x[:, :2] = plots.position_m[at] + self.start_m * random.standard_normal((n, 2))
@@ -283,7 +284,7 @@ class RepulsiveParticles(Method):
 
 
 def _over(window: Window, off_m: Floats, angle: float) -> Floats:
-    """The mean level over the background in three by three cells around each point, half dB. (n,)
+    """The mean level over the background in three by three cells around each point, dB. (n,)
 
     Args: off_m: (n, 2) from the radar; angle: of the beam in this turn, within half a turn of the points.
     """
@@ -299,4 +300,4 @@ def _over(window: Window, off_m: Floats, angle: float) -> Floats:
     for spoke in (-1, 0, 1):
         for beside in (-1, 0, 1):
             total += window.half_db[(nearest + spoke).clip(0, spokes - 1), (cell + beside).clip(0, cells - 1)]
-    return np.where(seen, total / 9.0, LEAST_DB)
+    return np.where(seen, total / 18.0, LEAST_DB)
