@@ -165,6 +165,7 @@ class Published(Settings):
             "steps",
             "ospa",
             "paths",
+            "scan",
         ],
         ...,
     ] = ()

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from coastwatch.batches import Floats
 from coastwatch.reproduction.figures import Made, Record, Spread, at, values
 from coastwatch.reproduction.published import Published
+from coastwatch.reproduction.video_pictures import picture_of
 
 matplotlib.use("Agg")
 
@@ -251,6 +252,33 @@ def _paths(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     return [(_uri(figure), f"Paths of the run with seed {first['seed']}, a point each {asked.draw_every} turns.")]
 
 
+def _scan(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """A turn of the video of the first run, the same with its plots, and the particles at two stages."""
+    first = next((record for one in made for record in one.records), None)
+    kept = first["scores"]["trackers"] if first else {}
+    if not first or "scan" not in kept:
+        return []
+    stages = [stage for stage in ("searching", "acquired") if stage in kept]
+    figure, panels = _panels(2 + len(stages))
+    reach = float(kept["scan"]["reach_m"]) / 1000.0
+    for axes, marked in zip(panels[:2], (False, True), strict=True):
+        axes.imshow(picture_of(kept["scan"]), cmap="magma", origin="lower", extent=(-reach, reach, -reach, reach))
+        if marked:
+            plots = np.array(kept["scan"]["candidates"]).reshape(-1, 2) / 1000.0
+            axes.scatter(plots[:, 0], plots[:, 1], 60.0, facecolors="none", edgecolors=LITERAL, label="candidates")
+        _label(axes, "a turn of the radar", "east, km", "north, km")
+    for axes, stage in zip(panels[2:], stages, strict=True):
+        for name, colour in (("acquired", LITERAL), ("searching", OURS)):
+            particles = np.array(kept[stage][name]).reshape(-1, 2) / 1000.0
+            axes.scatter(particles[:, 0], particles[:, 1], 2.0, colour, label=name)
+        axes.set_xlim(-reach, reach)
+        axes.set_ylim(-reach, reach)
+        axes.set_aspect("equal")
+        title = "the second filter searches" if stage == "searching" else "both have a vessel"
+        _label(axes, title, "east, km", "north, km")
+    return [(_uri(figure), f"Video over its background, and particles, of the run with seed {first['seed']}.")]
+
+
 def _errors(axes: Axes, x: Sequence[float], found: Sequence[Spread], label: str, colour: str) -> None:
     """A curve with standard errors of the mean."""
     error = [s.std / np.sqrt(max(len(s.values), 1)) for s in found]
@@ -312,5 +340,6 @@ KINDS: dict[str, Callable[[Published, Sequence[Made]], list[tuple[str, str]]]] =
     "steps": _steps,
     "ospa": _ospa,
     "paths": _paths,
+    "scan": _scan,
     "pairs": _pairs,
 }

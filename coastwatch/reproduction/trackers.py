@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Floats, Plots, Truth
+from coastwatch.batches import Plots, Truth
 from coastwatch.geodesy import to_plane
 from coastwatch.reproduction.region_inputs import cycle_inputs
+from coastwatch.reproduction.video_pictures import Picture, clouds, points, scan
 from coastwatch.scenario import Scenario
 from coastwatch.scores.multi_target import Figures, MultiTargetScores
 from coastwatch.stage import Count, NotNegative, Positive, Running, Settings
-from coastwatch.tracks import RadarTracker, RegionInput
+from coastwatch.tracks import ParticlesMemory, RadarTracker, RegionInput
+
+Paths = dict[str, list[list[float]]]
+"""Points by name."""
 
 
 class Trackers(Settings):
@@ -24,12 +28,15 @@ class Trackers(Settings):
     every_s: Positive = 200.0  # spans over which OSPA is averaged
     drawn: tuple[str, ...] = ()  # methods whose paths are kept and drawn
     draw_every: Count = 5  # number of cycles from one point of a path to the next
+    scan_cycle: Count = 20  # number of the cycle whose video is drawn, if methods are
 
 
-def measure(scenario: Scenario, seed: int, asked: Trackers) -> dict[str, Figures | dict[str, list[list[float]]]]:
+def measure(scenario: Scenario, seed: int, asked: Trackers) -> dict[str, Figures | Paths | Picture]:
     """Figures by method, as of `MultiTargetScores.as_dict`; `plots`: those of the plots themselves, as of `figures_of_plots`.
 
     `paths`: points east and north of the origin of the region, of plots (`candidates`), `targets` and the methods that are drawn.
+    `scan`: the video of a cycle, as of `video_pictures.scan`. `searching`, `acquired`: particles, as of `clouds`, of the first drawn
+    method that comes to it: when it has one vessel and looks for another, and when it has two.
     """
     sensors, plan = scenario.sensors(), scenario.plan()
     recording = scenario.input.load(sensors, seed, plan)
@@ -39,28 +46,36 @@ def measure(scenario: Scenario, seed: int, asked: Trackers) -> dict[str, Figures
     memories = {name: method.init() for name, method in methods.items()}
     start = MultiTargetScores(asked.cutoffs_m, asked.near_m, plan.start_s, asked.settled_s, asked.every_s)
     scores, plots = dict.fromkeys(methods, start), list[Plots]()
-    paths: dict[str, list[list[float]]] = {name: [] for name in ("candidates", "targets", *asked.drawn)}
+    drawn: dict[str, Paths | Picture] = {}
+    paths: Paths = {name: [] for name in ("candidates", "targets", *asked.drawn)}
     for now_s, seen, _, video in cycle_inputs(scenario, recording, video=any(m.takes_video for m in methods.values())):
         now = truth.at(now_s)
         plots.append(seen)
         draws = bool(asked.drawn) and len(plots) % asked.draw_every == 0
         if asked.drawn:
-            paths["candidates"] += _points(seen.position_m)
+            paths["candidates"] += points(seen.position_m)
         if draws:
-            paths["targets"] += _points(to_plane(now.position_deg, sensors.region_origin_deg[0]))
+            paths["targets"] += points(to_plane(now.position_deg, sensors.region_origin_deg[0]))
+        if asked.drawn and video and len(plots) == asked.scan_cycle:
+            drawn["scan"] = scan(video[0], seen.position_m)
         for name, method in methods.items():
             given = RegionInput.of_plots(seen, now_s, sensors)._replace(video=video)
             memories[name], found = Running(method, memories[name]).next(given)
             scores[name] = scores[name].seen(now_s, now, scenario.alignment.step(found.tracks, now_s))
+            now_has = memories[name]
+            if name in asked.drawn and isinstance(now_has, ParticlesMemory):
+                held, all_ = int(now_has.filters.acquired.sum()), len(now_has.filters)
+                stage = "acquired" if held > 1 else "searching" if held == 1 and all_ > 1 else ""
+                if stage and stage not in drawn:
+                    drawn[stage] = clouds(now_has)
             if draws and name in asked.drawn:
-                paths[name] += _points(to_plane(found.tracks.position_deg, sensors.region_origin_deg[0]))
-    return {**{name: of.as_dict() for name, of in scores.items()}, "plots": figures_of_plots(plots, now), "paths": paths}
-
-
-def _points(position_m: Floats) -> list[list[float]]:
-    """East and north of each point, to a metre."""
-    rounded: list[list[float]] = np.round(position_m).tolist()
-    return rounded
+                paths[name] += points(to_plane(found.tracks.position_deg, sensors.region_origin_deg[0]))
+    return {
+        **{name: of.as_dict() for name, of in scores.items()},
+        "plots": figures_of_plots(plots, now),
+        "paths": paths,
+        **drawn,
+    }
 
 
 def figures_of_plots(cycles: list[Plots], truth: Truth) -> Figures:

@@ -11,6 +11,7 @@ from coastwatch.operators.plot import draw_run
 from coastwatch.reproduction import figures, planning, published, report, running
 from coastwatch.reproduction.figures import Made, Spread
 from coastwatch.reproduction.finished_runs import FinishedRuns
+from coastwatch.reproduction.video_pictures import picture_of
 
 pytestmark = pytest.mark.whole
 
@@ -54,7 +55,10 @@ def test_the_report_has_the_printed_figures_beside_ours(made: tuple[report.Repro
     assert "asked: reached" in line
     assert any(text.strip().startswith("OSPA 200 to 400 s, c = 250 m, literal") for text in said)
     page = report.written_page(FinishedRuns(str(made[1].parent)), made[0]).read_text("utf-8")
-    assert page.count("data:image/svg") == 3, "OSPA twice, and the paths"
+    assert page.count("data:image/svg") == 4, "OSPA twice, the paths, and a turn of video with particles"
+    kept = made[0].folders[0].made[0].records[0]["scores"]["trackers"]
+    assert len(kept["acquired"]["acquired"]) == 2 * 200
+    assert picture_of(kept["scan"]).max() > 40
     numbers = json.loads(made[1].read_text("utf-8"))
     figure = next(
         f for f in numbers["scenarios"]["heymann-table-1"]["figures"] if f["name"] == "completeness, RMPF, one search"
