@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -104,6 +105,52 @@ def test_a_page_that_took_every_delta_equals_a_fresh_full_frame_and_draws_within
     number = int(next(i for i in page.ids if i and i % 11 == 0))
     assert page.vessel(number)["flag"] == 1 | 64
     assert page.vessel(int(next(i for i in page.ids if i and i % 5 == 0)))["minor"] == 255
+
+
+def with_sizes(picture: LivePicture, turned: float) -> LivePicture:
+    """Every third vessel has a size by radar. Args: turned: degrees by which all have turned."""
+    ids = picture.array("vessel_id")
+    sizes = {
+        "echo_length_m": 200.0 + ids,
+        "echo_width_m": np.where(ids % 2, np.nan, 30.0),
+        "echo_axis_deg": (7.0 * ids + turned) % 360,
+    }
+    columns = {name: picture.array(name) for name in OWN} | {
+        name: np.where(ids % 3, np.nan, values) for name, values in sizes.items()
+    }
+    return replace(picture, own=Table(OWN, tuple(columns[name] for name in OWN)))
+
+
+def test_a_page_of_version_2_has_the_sizes_by_radar_and_one_of_version_1_the_frames_of_before() -> None:
+    encoder, page, former = Encoder(7), Page(), Page()
+    frames: deque[Frame] = deque(maxlen=RING + 1)
+    viewer, old = Viewer(0, 0, version=2), Viewer(0, 0)
+    for picture in (with_sizes(p, 90.0 * (p.cycle > 20)) for p in sea()):
+        frames.append(encoder.frame(picture))
+        page.take(viewer.message(frames))
+        former.take(old.message(frames))
+        fresh = Page()
+        fresh.take(frames[-1].full(2))
+        assert_same(page, fresh)
+        for slot, number in enumerate(page.ids.tolist()):
+            if not number:
+                continue
+            length, width, axis = (int(page.columns[name][slot]) for name in ("length", "width", "axis"))
+            assert (length == 255) == bool(number % 3)
+            assert former.columns["length"][slot] == 255
+            if length != 255:
+                assert 2 ** (length / 16) / 2 == pytest.approx(200.0 + number, rel=0.18)
+                assert (width == 255) == bool(number % 2)
+                assert abs((axis * 360 / 256 - 7.0 * number - 90.0 * (picture.cycle > 20) + 180) % 360 - 180) < 6.5
+    plain = Encoder(7).frame(next(with_nothing(p) for p in sea()))
+    assert len(plain.full(2)) == len(plain.full())
+
+
+def with_nothing(picture: LivePicture) -> LivePicture:
+    """No vessel has a size by radar."""
+    none = np.full(len(picture), np.nan)
+    columns = {name: none if name.startswith("echo") else picture.array(name) for name in OWN}
+    return replace(picture, own=Table(OWN, tuple(columns[name] for name in OWN)))
 
 
 @pytest.mark.parametrize("missed", [1, 5, RING, RING + 5])

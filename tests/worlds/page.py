@@ -15,6 +15,7 @@ COLUMNS = (
     ("cog", "<u2"),
     *((n, "u1") for n in ("kind", "flag", "major", "minor", "angle", "age")),
 )
+ECHOES = tuple((n, "u1") for n in ("length", "width", "axis"))  # of version 2
 FULL, DELTA, HEARTBEAT = 1, 2, 5
 
 
@@ -25,14 +26,15 @@ class Page:
         self.run = self.seq = self.refused = 0
         self.time_s = 0.0
         self.ids = np.zeros(0, np.uint32)
-        self.columns = {name: np.zeros(0, kind) for name, kind in COLUMNS}
+        self.columns = {name: np.zeros(0, kind) for name, kind in (*COLUMNS, *ECHOES)}
         self.sent_s = np.zeros(0)
         self.changed = 0  # vessels in the last frame
 
     def take(self, message: bytes) -> int:
         """Apply a message. Returns: its kind."""
-        magic, version, kind, _, seq, base, time_s, slots, changed, removed, born, run, size = HEADER.unpack_from(message)
-        assert (magic, version, size) == (b"CWP1", 1, len(message))
+        magic, version, kind, flags, seq, base, time_s, slots, changed, removed, born, run, size = HEADER.unpack_from(message)
+        assert (magic, size) == (b"CWP1", len(message))
+        assert version == 2 or (version, flags) == (1, 0)
         at = HEADER.size
 
         def read(count: int, form: str) -> np.ndarray:
@@ -63,6 +65,8 @@ class Page:
             rows = changed
         for name, form in COLUMNS:
             self.columns[name][at_slots] = read(rows, form)
+        for name, form in ECHOES:
+            self.columns[name][at_slots] = read(rows, form) if flags & 1 else 255
         assert at == size
         self.sent_s[at_slots] = time_s
         self.run, self.seq, self.time_s, self.changed = run, seq, time_s, rows
@@ -84,7 +88,7 @@ class Page:
 
     def _clear(self, slots: int) -> None:
         self.ids, self.sent_s = np.zeros(slots, np.uint32), np.zeros(slots)
-        self.columns = {name: np.zeros(slots, form) for name, form in COLUMNS}
+        self.columns = {name: np.zeros(slots, form) for name, form in (*COLUMNS, *ECHOES)}
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self.ids)

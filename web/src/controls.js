@@ -8,7 +8,7 @@ import { css, THEMES } from './symbols.js';
 import { keepView, showView } from './views.js';
 
 const LAYER_NAMES = {
-  labels: 'Names', vectors: 'Course vectors', ellipses: 'Ellipses (2σ)', trail: 'Trail, bearings of the selected',
+  labels: 'Names', vectors: 'Course vectors', outlines: 'Outlines by radar', ellipses: 'Ellipses (2σ)', trail: 'Trail, bearings of the selected',
   cover: 'Sensors and their range', zones: 'Zones',
 };
 

@@ -1,6 +1,6 @@
 // Keeps a picture live over the WebSocket: resumes after a loss, and asks for a full frame where one does not fit.
 
-import { RefusedFrame, SUBPROTOCOL } from './wire.js';
+import { RefusedFrame, SUBPROTOCOLS } from './wire.js';
 
 const FIRST_WAIT_MS = 250;
 const LONGEST_WAIT_MS = 8000;
@@ -42,7 +42,7 @@ export function follow(url, picture, { frame, state, refused = () => {}, Socket 
   };
   const open = () => {
     const query = resume ? `?run=${picture.run}&seq=${picture.seq}` : '';
-    const mine = new Socket(url + query, [SUBPROTOCOL]);
+    const mine = new Socket(url + query, SUBPROTOCOLS);
     socket = mine;
     mine.binaryType = 'arraybuffer';
     heard();

@@ -1,14 +1,16 @@
-// What is drawn over the points for vessels in view: course vectors, ellipses, trail, bearings, cover, labels, the selection.
+// What is drawn over the points for vessels in view: course vectors, outlines, ellipses, trail, bearings, cover, labels, the selection.
 // A canvas over the map, drawn again with each frame of the map. Each kind has a limit, so that a full coast stays quick.
 
 import { KNOT_M_S, mercatorX, mercatorY, METRES_A_DEGREE, rangeBearing } from './geodesy.js';
 import { course, label, miles } from './formats.js';
 import { Names } from './names.js';
+import { hull } from './outlines.js';
 import { ALWAYS_SHOWN, css, FLAG, RINGED, STROKE_PX, SYMBOL_COLOURS, symbolOf } from './symbols.js';
 import { METRES_UNKNOWN, metresOf, SOG_UNKNOWN } from './wire.js';
 
-const MOST = { vectors: 5000, ellipses: 2000, labels: 120 };
+const MOST = { vectors: 5000, outlines: 2000, ellipses: 2000, labels: 120 };
 const MARKS_FROM_ZOOM = 8;
+const OUTLINE_PX = 20; // a shorter ship has its symbol alone
 const LABELS_FROM_ZOOM = 9;
 const NUMBERS_FROM_ZOOM = 12; // vessels without name and MMSI
 const RAD = Math.PI / 180;
@@ -52,8 +54,9 @@ export class Marks {
     if (layers.has('cover')) this.#cover();
     this.#trail();
     this.#bearings();
-    const detailed = this.zoom >= MARKS_FROM_ZOOM && (layers.has('vectors') || layers.has('ellipses') || layers.has('labels'));
+    const detailed = this.zoom >= MARKS_FROM_ZOOM && ['vectors', 'outlines', 'ellipses', 'labels'].some((name) => layers.has(name));
     const seen = detailed ? this.#inView() : [];
+    if (layers.has('outlines')) this.#outlines(seen.slice(0, MOST.outlines));
     if (layers.has('ellipses')) this.#ellipses(seen.slice(0, MOST.ellipses));
     if (layers.has('vectors')) this.#vectors(seen.slice(0, MOST.vectors));
     this.#selection();
@@ -179,6 +182,24 @@ export class Marks {
       context.stroke();
     }
     context.setLineDash([]);
+  }
+
+  /** Hulls true to scale, of ships whose size radar sees. */
+  #outlines(seen) {
+    const { picture } = this.app;
+    const { context } = this;
+    context.lineWidth = 1.5 * this.line;
+    for (const { slot, x, y, lat } of seen) {
+      const size = picture.size(slot);
+      const unit = this.pixels(lat);
+      if (!size || size.length * unit < OUTLINE_PX) continue;
+      const knots = picture.sog[slot] === SOG_UNKNOWN ? NaN : picture.sog[slot] / 100;
+      context.beginPath();
+      for (const [east, north] of hull(size, knots)) context.lineTo(x + east * unit, y - north * unit);
+      context.closePath();
+      context.strokeStyle = css(this.colours[SYMBOL_COLOURS[this.#colourOf(slot)]]);
+      context.stroke();
+    }
   }
 
   /** 2-sigma ellipses of the position. */

@@ -66,12 +66,14 @@ export class Panel {
     fill(byId('flags'), (vessel ? flagWords(vessel.flag) : ['not in this picture'])
       .map((word) => element('li', { class: word === 'alarm' ? 'grave' : '' }, word)));
     const size = details.length_m ? `${Math.round(details.length_m)} × ${details.beam_m ? Math.round(details.beam_m) : '–'} m` : '–';
+    const byRadar = sizeWords(slot >= 0 ? app.picture.size(slot) : null);
     fill(byId('facts'), pairs([
       ['MMSI', text(details.mmsi)],
       lastAis(details) && ['Last AIS', lastAis(details)],
       ['Call sign', text(details.call_sign)],
       ['Type', shipClass(details.ship_type) || text(details.ship_type)],
       ['Length × beam', size],
+      byRadar && ['By radar', byRadar],
       !app.replaying && ['Status', text(details.nav_status)], // of now: the past is not asked for
       vessel && ['Position', position(vessel.lat, vessel.lon)],
       vessel && ['Speed, course', `${speed(vessel.sog)}  ${course(vessel.cog)}`],
@@ -205,4 +207,11 @@ function table(title, all, columns, until, rank = () => 0) {
     element('caption', {}, rows.length > ROWS ? `${title} (${ROWS} of ${rows.length})` : title),
     element('thead', {}, element('tr', {}, columns.map(([, name]) => element('th', { scope: 'col' }, name)))),
     element('tbody', {}, shown.map((row) => element('tr', {}, columns.map(([name, , format = text]) => element('td', {}, format(row[name], row)))))));
+}
+
+/** Size and direction by radar as text; empty: it has none. */
+function sizeWords(size) {
+  if (!size) return '';
+  const width = Number.isNaN(size.width) ? '–' : Math.round(size.width);
+  return `${Math.round(size.length)} × ${width} m  ${course(size.axis)}`;
 }

@@ -120,7 +120,7 @@ export class Replay {
       const wanted = this.#wanted;
       this.#wanted = null;
       try {
-        const bytes = await getBytes(`frame?at=${new Date(wanted * 1000).toISOString()}`);
+        const bytes = await getBytes(`frame?version=2&at=${new Date(wanted * 1000).toISOString()}`);
         if (this.at === null) break;
         this.picture.apply(bytes);
         this.app.pictureChanged();

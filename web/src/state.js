@@ -3,7 +3,7 @@
 import { CLASSES } from './formats.js';
 import { LIST_COLUMNS, NO_FILTER } from './filters.js';
 
-export const LAYERS = ['labels', 'vectors', 'ellipses', 'trail', 'cover', 'zones'];
+export const LAYERS = ['labels', 'vectors', 'outlines', 'ellipses', 'trail', 'cover', 'zones'];
 /** What the drawer on the left holds; empty: it is closed. */
 export const DRAWERS = ['vessels', 'alarms', 'zones', 'layers'];
 export const THEME_NAMES = ['day', 'dusk', 'night'];
@@ -14,7 +14,7 @@ export const SPEEDS = [1, 2, 5, 10, 30, 60];
 export function defaults() {
   return {
     lat: null, lon: null, zoom: null, theme: 'day', selected: 0, follow: false, drawer: '',
-    layers: new Set(['labels', 'vectors', 'trail', 'cover', 'zones']), minutes: 6, filter: { ...NO_FILTER },
+    layers: new Set(['labels', 'vectors', 'outlines', 'trail', 'cover', 'zones']), minutes: 6, filter: { ...NO_FILTER },
     sort: { column: 'flags', down: true }, at: null, speed: 1,
   };
 }

@@ -1,9 +1,9 @@
 // The live picture as flat columns. A row is a slot: it belongs to one vessel until that vessel leaves.
-// Frames of the subprotocol coastwatch.picture.v1 are read in place and written into the columns.
+// Frames of the subprotocols coastwatch.picture.v2 and v1 are read in place and written into the columns.
 
 import { ahead, mercatorX, mercatorY } from './geodesy.js';
 
-export const SUBPROTOCOL = 'coastwatch.picture.v1';
+export const SUBPROTOCOLS = ['coastwatch.picture.v2', 'coastwatch.picture.v1']; // the newest first
 export const SOG_UNKNOWN = 65535;
 export const METRES_UNKNOWN = 255;
 const MAGIC = 0x31505743; // "CWP1" read as little endian
@@ -25,6 +25,14 @@ const COLUMNS = [
   ['angle', Uint8Array], // 180/256 degrees from north
   ['age', Uint8Array], // 2^(x/16) seconds, 0: under one
 ];
+
+/** Columns behind them where a frame says so: the size of a vessel by radar. */
+const ECHO_COLUMNS = [
+  ['length', Uint8Array], // 2^(x/16)/2 metres
+  ['width', Uint8Array],
+  ['axis', Uint8Array], // 360/256 degrees from north
+];
+const HAS_ECHOES = 1;
 
 /** A frame that is damaged, or that does not follow the picture that the page has. The page then asks for a full one. */
 export class RefusedFrame extends Error {}
@@ -60,7 +68,7 @@ export class Picture {
     this.id = wider(Uint32Array, this.id); // 0: the slot is free
     this.place = wider(Uint32Array, this.place, 2); // web mercator x, y
     this.time = wider(Float32Array, this.time); // seconds after `epoch` at which the position holds
-    for (const [name, Type] of COLUMNS) this[name] = wider(Type, this[name]);
+    for (const [name, Type] of [...COLUMNS, ...ECHO_COLUMNS]) this[name] = wider(Type, this[name]);
   }
 
   /**
@@ -97,6 +105,10 @@ export class Picture {
       const to = this[name];
       if (full) to.set(from);
       else for (let row = 0; row < rows; row++) to[frame.slot[row]] = from[row];
+    }
+    for (const [name] of ECHO_COLUMNS) {
+      const from = frame[name];
+      for (let row = 0; row < rows; row++) this[name][frame.slot ? frame.slot[row] : row] = from ? from[row] : METRES_UNKNOWN;
     }
     this.#locate(frame.slot, rows, head.time - this.epoch);
     Object.assign(this, { slots: head.slots, run: head.run, seq: head.seq, at: head.time });
@@ -147,6 +159,12 @@ export class Picture {
     return { id: this.id[slot], lat, lon, sog, cog, kind: this.kind[slot], flag: this.flag[slot] };
   }
 
+  /** Length and width in metres and axis in degrees of a slot by radar, NaN where unknown; null: no length. */
+  size(slot) {
+    if (this.length[slot] === METRES_UNKNOWN || !this.id[slot]) return null;
+    return { length: metresOf(this.length[slot]), width: metresOf(this.width[slot]), axis: (this.axis[slot] * 360) / 256 };
+  }
+
   /** Latitude and longitude of a slot, moved on to a Unix time. */
   position(slot, seconds) {
     const sog = this.sog[slot] === SOG_UNKNOWN ? 0 : this.sog[slot] / 100;
@@ -166,8 +184,9 @@ function readHeader(buffer) {
   }
   const view = new DataView(buffer);
   const u32 = (at) => view.getUint32(at, true);
-  if (u32(0) !== MAGIC || view.getUint8(4) !== 1) {
-    throw new RefusedFrame('frame: got another format or version, needed CWP1 version 1');
+  const version = view.getUint8(4);
+  if (u32(0) !== MAGIC || (version !== 1 && version !== 2)) {
+    throw new RefusedFrame('frame: got another format or version, needed CWP1 version 1 or 2');
   }
   const head = {
     kind: view.getUint8(5), flags: view.getUint16(6, true), seq: u32(8), base: u32(12), time: view.getFloat64(16, true),
@@ -176,7 +195,7 @@ function readHeader(buffer) {
   if (head.bytes !== buffer.byteLength) {
     throw new RefusedFrame(`frame: got ${buffer.byteLength} bytes, needed ${head.bytes} as its header says`);
   }
-  if (![FULL, DELTA, HEARTBEAT].includes(head.kind) || head.flags !== 0) {
+  if (![FULL, DELTA, HEARTBEAT].includes(head.kind) || head.flags > (version === 2 ? HAS_ECHOES : 0)) {
     throw new RefusedFrame(`frame: got kind ${head.kind} with flags ${head.flags}, needed kind 1, 2 or 5 with flags 0`);
   }
   return head;
@@ -198,9 +217,10 @@ function columnReader(buffer) {
 }
 
 /** The columns of a frame. Raises: RefusedFrame where bytes are left over. */
-function readColumns(buffer, reader, rows) {
+function readColumns(buffer, reader, rows, head) {
   const frame = {};
-  for (const [name, Type] of COLUMNS) frame[name] = reader.take(Type, rows);
+  const columns = head.flags & HAS_ECHOES ? [...COLUMNS, ...ECHO_COLUMNS] : COLUMNS;
+  for (const [name, Type] of columns) frame[name] = reader.take(Type, rows);
   if (reader.end() !== buffer.byteLength) {
     throw new RefusedFrame(`frame: got ${buffer.byteLength} bytes, needed ${reader.end()} for its columns`);
   }
@@ -210,7 +230,7 @@ function readColumns(buffer, reader, rows) {
 function readFull(buffer, head) {
   const reader = columnReader(buffer);
   const id = reader.take(Uint32Array, head.slots);
-  return { id, ...readColumns(buffer, reader, head.slots) };
+  return { id, ...readColumns(buffer, reader, head.slots, head) };
 }
 
 function readDelta(buffer, head) {
@@ -224,5 +244,5 @@ function readDelta(buffer, head) {
       if (at >= head.slots) throw new RefusedFrame(`delta: got slot ${at}, needed less than ${head.slots}`);
     }
   }
-  return { slot, removed, born, bornId, ...readColumns(buffer, reader, head.changed) };
+  return { slot, removed, born, bornId, ...readColumns(buffer, reader, head.changed, head) };
 }

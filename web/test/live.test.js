@@ -38,7 +38,7 @@ test('it resumes by run and seq after a loss, and asks for everything after a fr
     frame: () => {}, state: (name) => states.push(name), refused: (reason) => reasons.push(reason), Socket,
   });
   assert.equal(opened[0].url, 'ws://here/stream');
-  assert.deepEqual(opened[0].protocols, ['coastwatch.picture.v1']);
+  assert.deepEqual(opened[0].protocols, ['coastwatch.picture.v2', 'coastwatch.picture.v1']);
   opened[0].onopen();
   opened[0].onmessage({ data: full({ run: 7, seq: 3 }, rows) });
   opened[0].close();

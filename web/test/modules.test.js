@@ -139,7 +139,7 @@ test('the state goes into the address and comes back; nonsense keeps the default
   Object.assign(state.filter, { kinds: 3, minSog: 2, type: 'cargo', maxAge: 60 });
   state.sort = { column: 'name', down: false };
   assert.deepEqual(fromQuery(toQuery(state)), state);
-  assert.deepEqual(fromQuery('?lat=900&theme=pink&kinds=x&sort=-nothing&at=never&speed=7&vessel=-3&layers=labels,vectors,trail,cover,zones'), defaults());
+  assert.deepEqual(fromQuery('?lat=900&theme=pink&kinds=x&sort=-nothing&at=never&speed=7&vessel=-3&layers=labels,vectors,outlines,trail,cover,zones'), defaults());
 });
 
 test('the track that holds a vessel comes before ended ones and bearings, also in a replay', () => {

@@ -131,3 +131,14 @@ test('bytes of the ellipse and of the age', () => {
   assert.ok(Number.isNaN(metresOf(255)));
   assert.deepEqual([secondsOf(0), secondsOf(16)], [0, 2]);
 });
+
+test('a frame of version 2 has sizes by radar, and one without them says that none is known', () => {
+  const picture = new Picture();
+  picture.apply(full({ run: 7, seq: 1 }, [row(11, { length: 148, width: 255, axis: 64 }), row(12)]));
+  const { length, width, axis } = picture.size(0);
+  assert.deepEqual([Math.round(length), width, axis], [304, NaN, 90]);
+  assert.equal(picture.size(1), null);
+  picture.apply(delta({ run: 7, seq: 2, base: 1, slots: 2 }, [{ slot: 0, ...row(11) }]));
+  assert.equal(picture.size(0), null);
+  assert.throws(() => { const odd = full({ run: 7, seq: 3 }, [row(1)]); new DataView(odd).setUint16(6, 1, true); picture.apply(odd); }, RefusedFrame);
+});

@@ -182,12 +182,12 @@ def picture(request: Request, service: In, form: As, chosen: Annotated[Chosen, Q
 
 
 @router.get("/frame", responses={200: {"content": {"application/octet-stream": {}}}})
-def frame(service: In, bbox: Text = None, at: Text = None) -> Response:
-    """The picture as one full binary frame (coastwatch.picture.v1), now or at an instant."""
+def frame(service: In, bbox: Text = None, at: Text = None, version: Annotated[int, Query(ge=1, le=2)] = 1) -> Response:
+    """The picture as one full binary frame (coastwatch.picture.v1 or v2), now or at an instant."""
     shown = _picture_at(service, parsed(utc, "at", at))
     if (area := parsed(box, "bbox", bbox)) is not None:
         shown = shown.take(np.flatnonzero(inside(shown.positions_deg(), area)))
-    return Response(Encoder(0).frame(shown).full(), media_type="application/octet-stream")
+    return Response(Encoder(0).frame(shown).full(version), media_type="application/octet-stream")
 
 
 @router.get("/vessels")

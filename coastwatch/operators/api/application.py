@@ -21,7 +21,7 @@ from coastwatch.operators.api.answers import In
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard, methods_of
 from coastwatch.operators.api.service import NoPictureYet, Service
 from coastwatch.operators.api.track_stream import serve_tracks
-from coastwatch.operators.api.wire import PROTOCOL
+from coastwatch.operators.api.wire import PROTOCOL, VERSIONS, spoken
 from coastwatch.server.regions.client import PATH
 from coastwatch.server.regions.link import Position
 from coastwatch.server.run import version
@@ -132,9 +132,9 @@ async def stream(
     socket: WebSocket, run: Annotated[int, Query(ge=0, lt=2**32)] = 0, seq: Annotated[int, Query(ge=0, lt=2**32)] = 0
 ) -> None:
     """Frames of the picture. Args: run, seq: of the last frame that the viewer has."""
-    offered = socket.scope.get("subprotocols", [])
-    await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
-    await socket.app.state.service.hub.serve(socket, run, seq)
+    protocol = spoken(socket.scope.get("subprotocols", []))
+    await socket.accept(subprotocol=protocol)
+    await socket.app.state.service.hub.serve(socket, run, seq, VERSIONS[protocol or PROTOCOL])
 
 
 @router.websocket(PATH)

@@ -29,7 +29,7 @@ from coastwatch.operators.api.bounds import LARGEST_BODY, too_large
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.operators.api.proxy import TrustedProxy
 from coastwatch.operators.api.tokens import FILES_A_SECOND, FILES_AT_ONCE, Limits, Person, Tokens
-from coastwatch.operators.api.wire import PROTOCOL
+from coastwatch.operators.api.wire import spoken
 from coastwatch.server.troubles import Trouble
 
 LOG = logging.getLogger("coastwatch.serve")
@@ -278,7 +278,7 @@ class _Middleware:
             if not _is_before_sign_in(scope):
                 _warn_of_socket(scope, code)
             offered = scope.get("subprotocols", [])  # closed before it is accepted, the page could not read the code
-            await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
+            await socket.accept(subprotocol=spoken(offered))
             await socket.close(code)
             return
         with self._counted("sockets", person.name):

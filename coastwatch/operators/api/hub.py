@@ -60,6 +60,7 @@ class Viewer:
     seq: int  # of the last message; 0: nothing
     subset: Subset | None = None  # None: all vessels
     ids: Array | None = None  # (S,) that it has, where it asked for a subset
+    version: int = 1  # of its frames
     wake: asyncio.Event = field(default_factory=asyncio.Event)
 
     def message(self, frames: deque[Frame]) -> bytes:
@@ -68,14 +69,15 @@ class Viewer:
         last = next((f for f in frames if f.seq == self.seq), None) if self.run == frame.run and self.seq else None
         if self.subset is None:
             base = 0 if last is None else last.seq
-            if last is not None and base not in frame.messages:  # made once for all viewers that have the same frame
-                frame.messages[base] = frame.delta(base, last.ids, frame.ids, since(frames, base))
-            data = frame.messages[base] if last is not None else frame.full()
+            made = self.version, base
+            if last is not None and made not in frame.messages:  # made once for all viewers that have the same frame
+                frame.messages[made] = frame.delta(base, last.ids, frame.ids, since(frames, base), self.version)
+            data = frame.messages[made] if last is not None else frame.full(self.version)
         else:
             now = self.subset.ids(frame)
             before = np.zeros(0, np.uint32) if last is None or self.ids is None else self.ids
             base = 0 if last is None or self.ids is None else self.seq
-            data = frame.delta(base, before, now, since(frames, self.seq))
+            data = frame.delta(base, before, now, since(frames, self.seq), self.version)
             self.ids = now
         self.run, self.seq = frame.run, frame.seq
         return data
@@ -133,9 +135,12 @@ class Hub:
         for viewer in self.viewers:
             viewer.wake.set()
 
-    async def serve(self, socket: WebSocket, run: int, seq: int) -> None:
-        """Send frames to one viewer until it leaves or does not read. Args: run, seq: of the last frame that it has."""
-        viewer = Viewer(run, seq)
+    async def serve(self, socket: WebSocket, run: int, seq: int, version: int = 1) -> None:
+        """Send frames to one viewer until it leaves or does not read.
+
+        Args: run, seq: of the last frame that it has; version: of the frames.
+        """
+        viewer = Viewer(run, seq, version=version)
         self.viewers.add(viewer)
         self._metrics.viewers.set(len(self.viewers))
         try:
@@ -157,7 +162,7 @@ class Hub:
             try:
                 await asyncio.wait_for(viewer.wake.wait(), SILENCE_S)
             except TimeoutError:
-                if self.frames and not await self._send_one(socket, self.frames[-1].heartbeat()):
+                if self.frames and not await self._send_one(socket, self.frames[-1].heartbeat(viewer.version)):
                     return
 
     async def _send_one(self, socket: WebSocket, data: bytes) -> bool:

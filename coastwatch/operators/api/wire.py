@@ -1,4 +1,6 @@
-"""The picture as binary frames, `coastwatch.picture.v1`: full frames, and deltas of what a viewer cannot foretell.
+"""The picture as binary frames, `coastwatch.picture.v2` or `v1`: full frames, and deltas of what a viewer cannot foretell.
+
+Version 2 has sizes by radar too, where there is one.
 
 Every viewer moves vessels on from the last frame that had them, at constant speed and course (`ahead`). A delta has only the vessels
 that are elsewhere by then. INTERFACE.md has the layout of a frame.
@@ -9,7 +11,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,10 +21,13 @@ from coastwatch.kernels.tables.lookup import find
 from coastwatch.server.live_picture import LivePicture
 
 PROTOCOL = "coastwatch.picture.v1"
+VERSIONS = {"coastwatch.picture.v2": 2, PROTOCOL: 1}
+"""The subprotocols that are spoken, the newest first, and the version of their frames."""
 HEADER = struct.Struct("<4sBBHIIdIIIIII")
 """Magic, version, kind, flags, seq, base, time, slots, changed, removed, born, run, bytes."""
 
-MAGIC, VERSION = b"CWP1", 1
+MAGIC = b"CWP1"
+HAS_ECHOES = 1  # flag of a frame of version 2
 FULL, DELTA, HEARTBEAT = 1, 2, 5
 COLUMNS: dict[str, np.dtype[Any]] = {
     "lon": np.dtype("<i4"),  # 1e-7 deg
@@ -37,6 +42,13 @@ COLUMNS: dict[str, np.dtype[Any]] = {
     "age": np.dtype("u1"),  # since the newest report: 0 under a second, else 2^(x/16) s
 }
 """The columns of a frame, in their order."""
+ECHO_COLUMNS: dict[str, np.dtype[Any]] = {
+    "length": np.dtype("u1"),  # by radar: 2^(x/16)/2 m
+    "width": np.dtype("u1"),
+    "axis": np.dtype("u1"),  # of the length from north, 360/256 deg
+}
+"""The columns behind them in a frame of version 2 in which a vessel has a size by radar."""
+EVERY = COLUMNS | ECHO_COLUMNS
 
 Vessels = dict[str, Array]
 """An array for each of COLUMNS. One array with these fields would be read with strides: ten times as slow."""
@@ -49,6 +61,7 @@ ALARMING = Flag.AIS_SART | Flag.MAN_OVERBOARD | Flag.EPIRB | Flag.NOT_UNDER_COMM
 
 METRES, KNOTS, DEGREES = 10.0, 0.3, 2.0
 """A vessel is sent again if it is so far from where a viewer has it, or its speed or course differs by so much."""
+LENGTH_STEPS, AXIS_DEGREES = 3, 5.0  # the same of a size by radar: a factor of 2^(3/16), and so many degrees
 SLOW_KN = 0.5  # the course of a slower vessel says nothing
 AXIS_STEPS = 8  # sent again if an axis differs by a factor of 2^(8/16)
 LONGEST_S = 120.0
@@ -77,15 +90,16 @@ class Frame:
     sent_s: Floats  # (S,) when
     position_deg: Floats  # (2, S) latitude and longitude where viewers have them at the time of the frame
     touched: Ints  # slots that changed, came or left with this frame
-    messages: dict[int, bytes] = field(default_factory=dict)  # by base
+    messages: dict[tuple[int, int], bytes] = field(default_factory=dict)  # by version and base
 
-    def full(self) -> bytes:
+    def full(self, version: int = 1) -> bytes:
         """The message with every vessel."""
-        if 0 not in self.messages:
-            self.messages[0] = _message(self, FULL, 0, self._at_time(slice(None)), self.ids)
-        return self.messages[0]
+        if (version, 0) not in self.messages:
+            head = _Head(version, FULL, 0)
+            self.messages[version, 0] = _message(self, head, self._at_time(slice(None)), self.ids)
+        return self.messages[version, 0]
 
-    def delta(self, base: int, before: Array, now: Array, touched: Ints) -> bytes:
+    def delta(self, base: int, before: Array, now: Array, touched: Ints, version: int = 1) -> bytes:
         """The message that brings a viewer from an earlier frame to this one.
 
         Args: base: seq of the earlier frame, 0: the viewer has nothing; before, now: (S',), (S,) ids that the viewer has and is to
@@ -99,11 +113,11 @@ class Frame:
         changed[touched] = True
         changed[added] = True
         slots = np.flatnonzero(changed & (now != 0))
-        return _message(self, DELTA, base, self._at_time(slots), now, slots, removed, added)
+        return _message(self, _Head(version, DELTA, base), self._at_time(slots), now, slots, removed, added)
 
-    def heartbeat(self) -> bytes:
+    def heartbeat(self, version: int = 1) -> bytes:
         """The message that says that there is no newer frame."""
-        return _header(self, HEARTBEAT, self.seq, (), 0)
+        return _header(self, _Head(version, HEARTBEAT, self.seq), (), 0)
 
     def past(self) -> Frame:
         """What is needed of it once there is a newer one: its ids, and which slots changed."""
@@ -135,7 +149,7 @@ class Encoder:
             0,
             picture.time_s,
             np.zeros(0, np.uint32),
-            {name: np.zeros(0, kind) for name, kind in COLUMNS.items()},
+            {name: np.zeros(0, kind) for name, kind in EVERY.items()},
             none,
             none.reshape(2, 0),
             _NONE,
@@ -196,6 +210,10 @@ class Encoder:
         differs |= (now["flag"] != sent["flag"]) | (now["kind"] != sent["kind"]) | (self._due_s[self._slot] <= time_s)
         for axis in ("major", "minor"):
             differs |= np.abs(now[axis].astype(np.int16) - sent[axis]) > AXIS_STEPS
+        if (now["length"] != UNKNOWN_AXIS).any() or (sent["length"] != UNKNOWN_AXIS).any():
+            for side in ("length", "width"):
+                differs |= np.abs(now[side].astype(np.int16) - sent[side]) > LENGTH_STEPS
+            differs |= np.abs((now["axis"] - sent["axis"]).view(np.int8).astype(np.int16)) > AXIS_DEGREES * 256 / 360
         return np.asarray(differs)
 
 
@@ -218,7 +236,20 @@ def encoded(picture: LivePicture) -> Vessels:
     columns["angle"] = _steps(picture.array("orientation_deg"), 256.0 / 180.0) & 255
     age_s = (picture.array("time_s") - picture.array("updated_s")).astype(np.float32)
     columns["age"] = _sixteenths(np.fmax(age_s, 1.0)).clip(0, 255)
-    return {name: columns[name].astype(kind) for name, kind in COLUMNS.items()}
+    return {name: columns[name].astype(kind) for name, kind in COLUMNS.items()} | _echoes(picture)
+
+
+def _echoes(picture: LivePicture) -> Vessels:
+    """The sizes by radar in the units of the wire. (V,) each"""
+    columns = {name: np.full(len(picture), UNKNOWN_AXIS, np.uint8) for name in ECHO_COLUMNS}
+    length = picture.array("echo_length_m")
+    rows = np.flatnonzero(np.isfinite(length))
+    for name in ("length", "width"):
+        metres = picture.array(f"echo_{name}_m")[rows]
+        steps = _sixteenths(np.fmax(np.nan_to_num(metres), 0.5) * 2.0).clip(0, UNKNOWN_AXIS - 1)
+        columns[name][rows] = np.where(np.isfinite(metres), steps, UNKNOWN_AXIS)
+    columns["axis"][rows] = _steps(picture.array("echo_axis_deg")[rows], 256.0 / 360.0) & 255
+    return columns
 
 
 def _steps(degrees: Floats, steps: float) -> Ints:
@@ -229,6 +260,11 @@ def _steps(degrees: Floats, steps: float) -> Ints:
 def _sixteenths(values: Array) -> Array:
     """Sixteenths of an octave above 1, rounded."""
     return np.asarray(np.rint(np.log(values) * np.float32(16.0 / np.log(2.0))))
+
+
+def spoken(offered: Sequence[str]) -> str | None:
+    """The newest subprotocol that both sides speak; None: the viewer offers none of them."""
+    return next((name for name in VERSIONS if name in offered), None)
 
 
 def ahead(latitude: Floats, longitude: Floats, sog_kn: Floats, cog_deg: Floats, seconds: Floats) -> tuple[Floats, Floats]:
@@ -261,25 +297,39 @@ def _within_half_a_turn(degrees: Floats) -> Floats:
     return wrap_deg(degrees) if np.abs(degrees).max(initial=0.0) > 180.0 else degrees
 
 
-def _message(frame: Frame, kind: int, base: int, vessels: Vessels, ids: Array, *lists: Array) -> bytes:
+class _Head(NamedTuple):
+    """What a message says of itself."""
+
+    version: int
+    kind: int
+    base: int
+    flags: int = 0
+
+
+def _message(frame: Frame, head: _Head, vessels: Vessels, ids: Array, *lists: Array) -> bytes:
     """Header, then columns, each padded to 4 bytes, so that a browser reads them in place.
 
     Args: lists: of a delta: slots that changed, slots that were left, slots with another vessel.
     """
     first = [*lists, ids[lists[2]]] if lists else [ids]
     parts = [np.ascontiguousarray(column, "<u4").tobytes() for column in first]
-    for name in COLUMNS:
+    names = [*COLUMNS]
+    length = vessels["length"] if lists else vessels["length"][ids != 0]
+    if head.version > 1 and (length != UNKNOWN_AXIS).any():
+        head, names = head._replace(flags=HAS_ECHOES), [*EVERY]
+    for name in names:
         data = np.ascontiguousarray(vessels[name]).tobytes()
         parts.append(data + b"\0" * (-len(data) % 4))
     body = b"".join(parts)
-    return _header(frame, kind, base, lists, len(body)) + body
+    return _header(frame, head, lists, len(body)) + body
 
 
-def _header(frame: Frame, kind: int, base: int, lists: Sequence[Array], size: int) -> bytes:
+def _header(frame: Frame, head: _Head, lists: Sequence[Array], size: int) -> bytes:
     """The header of a message. Args: lists: as of `_message`; size: of the body."""
     changed, removed, added = map(len, lists or ((), (), ()))
     slots, whole = len(frame.ids), HEADER.size + size
-    return HEADER.pack(MAGIC, VERSION, kind, 0, frame.seq, base, frame.time_s, slots, changed, removed, added, frame.run, whole)
+    counts = slots, changed, removed, added, frame.run, whole
+    return HEADER.pack(MAGIC, head.version, head.kind, head.flags, frame.seq, head.base, frame.time_s, *counts)
 
 
 def _longer(array: Array, size: int) -> Array:
