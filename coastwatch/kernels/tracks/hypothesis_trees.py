@@ -13,13 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch.kernels.arrays import Floats, Ints
+from coastwatch.kernels.arrays import Bools, Floats, Ints
 from coastwatch.kernels.filters import imm
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.smoothing import Steps
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tracks.existence import SURELY, after, missed
 
+DEAR = 6.0  # cost of a miss above that of its only plot, from which it may be left out
 LEAST = 1e-12  # of the probability that a vessel gives a plot
 
 
@@ -54,6 +55,7 @@ class Look(NamedTuple):
     time: Floats  # (S,) of the look, -inf: no plot is in a gate of the tree
     before: Floats  # (S,) up to which the looks of this radar are in the tree
     nobody: Floats  # (M,) density of plots of none of these tracks
+    lone: Bools  # (M,) plots in the gates of one confirmed track alone
     number: int  # of the first of these plots
     step: int  # row of the first new step
 
@@ -148,7 +150,8 @@ def _take(leaves, k, m, look, columns, motion, work, step):  # type: ignore[no-u
 def grow(leaves, first, plot, look, columns, chain, renewal, models):  # type: ignore[no-untyped-def]
     """The children of leaves: each without a plot and with each of its plots. And the Steps of their filters, (A,).
 
-    Trees without a look stay as they are.
+    Trees without a look stay as they are. Where a plot is alone and near the prediction, and a miss would be dear, there is no child
+    without it: both would go on alike (similar hypotheses of a tree that is alone: Liland, section 4.3).
     Args: leaves: LeafColumns; first: (L + 1,) first plot of each leaf; plot: (A,) rows of columns, PlotColumns; look: Look; chain:
     ExistenceChain; renewal: as of `imm.predict_filter`; models: (J,) MODEL.
     """
@@ -177,7 +180,44 @@ def grow(leaves, first, plot, look, columns, chain, renewal, models):  # type: i
             k += 1
         if time - leaves.radar_time[i, look.radar] > 0.5 * look.period:
             _miss(out, unseen, look.detection)
-    return out, steps
+        is_lone = k == unseen + 2 and look.lone[plot[first[i]]]
+        if is_lone and out.cost[unseen] - out.cost[unseen + 1] > DEAR and _is_similar(steps, first[i]):
+            _copy(out, unseen + 1, out, unseen)
+            k = unseen + 1
+    return _cut(out, k), steps
+
+
+@jit
+def _is_similar(steps, a):  # type: ignore[no-untyped-def]
+    """Whether a step moved its position by less than one standard deviation of the prediction."""
+    p = steps.predicted_covariance[a]
+    east, north = steps.mean[a, 0] - steps.predicted_mean[a, 0], steps.mean[a, 1] - steps.predicted_mean[a, 1]
+    square = p[1, 1] * east * east - 2.0 * p[1, 0] * east * north + p[0, 0] * north * north
+    return square < p[0, 0] * p[1, 1] - p[1, 0] * p[1, 0]
+
+
+@jit
+def _cut(leaves, count):  # type: ignore[no-untyped-def]
+    """The first so many of these leaves."""
+    return LeafColumns(
+        leaves.slot[:count],
+        leaves.cost[:count],
+        leaves.existence[:count],
+        leaves.visibility[:count],
+        leaves.existence_time[:count],
+        leaves.misses[:count],
+        leaves.mmsi[:count],
+        leaves.plot[:count],
+        leaves.step[:count],
+        leaves.radar_time[:count],
+        leaves.state[:count],
+        leaves.covariance[:count],
+        leaves.mode[:count],
+        leaves.time[:count],
+        leaves.mean[:count],
+        leaves.spread[:count],
+        leaves.noise[:count],
+    )
 
 
 @jit

@@ -31,7 +31,7 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     write_chosen,
 )
 from coastwatch.tracks.radar.parts import Parts, begin_tracks
-from coastwatch.tracks.radar.table import RadarMemory, Table
+from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
 ELLIPSE = 4.0  # squared distance of the ellipse that people see: two standard deviations
 LEAST_SHARE = 0.01  # probability of a leaf that widens the covariance of its track
@@ -64,8 +64,9 @@ class MultiHypothesis(Settings):
         nobody = false_per_m2 + unborn_per_m2
         period_s, before_s = float(sensors.period_s[radar]), table.looked_s[:, radar].copy()
         unseen_s, numbers = np.full(len(before_s), -np.inf), (forest.next_plot, len(forest.steps))
-        look = Look(radar, period_s, detection, unseen_s, before_s, nobody, numbers[0], numbers[1])
-        grown, steps = _grown(parts, forest, batch, look)
+        lone = np.zeros(len(batch.time), np.bool_)
+        look = Look(radar, period_s, detection, unseen_s, before_s, nobody, lone, numbers[0], numbers[1])
+        grown, steps = _grown(parts, forest, batch, look, table.status)
         looked = np.isfinite(look.time)
         pruned = choose_and_prune(self._pruning, forest, grown, looked, table.status)
         forest = forest.with_leaves(pruned.leaves, steps)
@@ -107,7 +108,7 @@ class MultiHypothesis(Settings):
             turns = _turns(table, radars, place, radar, rules.look_slack)
             if turns.any():
                 period_s, before_s, none = float(radars.period[place]), table.looked_s[:, radar], np.zeros(0)
-                look = Look(radar, period_s, float(detection[radar]), none, before_s, none, 0, 0)
+                look = Look(radar, period_s, float(detection[radar]), none, before_s, none, none > 0.0, 0, 0)
                 missed(forest.leaves.columns, turns, look, rules.chain)
                 table.looked_s[:, radar] += turns * look.period
                 touched |= turns > 0
@@ -148,12 +149,20 @@ class MultiHypothesis(Settings):
         return now._replace(covariance=covariance), alternative_m
 
 
-def _grown(parts: Parts, forest: Forest, batch: PlotColumns, look: Look) -> tuple[Leaves, FilterSteps]:
-    """The children of leaves, and all steps of their filters. The time of the look of each tree is written into `look`."""
+def _grown(parts: Parts, forest: Forest, batch: PlotColumns, look: Look, status: Ints) -> tuple[Leaves, FilterSteps]:
+    """The children of leaves, and all steps of their filters. The time of the look of each tree, and which plots are alone, are
+    written into `look`. Args: status: (S,).
+    """
     leaves, rules = forest.leaves, parts.existence
     lively = np.full(len(leaves), parts.bank.models["noise"].max())
     limit, rows = gate(rules.gate_probability, 2), np.arange(len(leaves))
     pairs = kernels.tracks.gate.candidates(leaves.estimates._replace(noise=lively), rows, batch, limit, rules.late_s)
+    of_tree = leaves.slot[pairs.track]
+    other = np.full(len(batch.time), -1)
+    other[pairs.plot] = of_tree
+    shared = np.bincount(pairs.plot, other[pairs.plot] != of_tree, len(batch.time)) > 0.0
+    confirmed = np.append(status == Status.CONFIRMED, False)  # the last: of no tree
+    look.lone[:] = ~shared & confirmed[other]
     due = batch.time[pairs.plot] - leaves.radar_s[pairs.track, look.radar] > 0.5 * look.period
     leaf, plot = pairs.track[due], pairs.plot[due]
     first, by_leaf = kernels.tables.counting_sort.counting_sort(leaf, len(leaves))
