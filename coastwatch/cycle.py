@@ -161,8 +161,17 @@ def run_cycle(
         ais_tracks = ais_tracks.take(limits.are_sound(ais_tracks.position_deg, ais_tracks.covariance))
     with timer("silence"):
         silence_memory, hearing = s.silence.step(m.silence, SilenceInput(reports, ais_tracks, time_s, sensors))
-    of_cover = m.ais_detection, m.radar_cover, hearing, m.corrections.jumped
-    received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, *of_cover)
+    received = Received(
+        tracks,
+        measurements,
+        alarms,
+        bearing_tracks,
+        reports.statics,
+        m.ais_detection,
+        m.radar_cover,
+        hearing,
+        m.corrections.jumped,
+    )
     centre_memory, cycle = run_centre(s, sensors, m.centre, received, time_s, map_, timer, zones)
     with timer("bearing_tracks"):
         expected = expected_vessels(*bearing_memory.unnumbered(), cycle.picture, cycle.bearing_associations, sensors)

@@ -288,9 +288,8 @@ def zone_alarms(
         return memory, []
     positions = ByLatitude(seen.picture.position_deg)
     now, speeds = _inside(settings, memory, seen, positions, [shape for shape in zones if shape.is_area], time_s)
-    limits = settings.open_s, settings.close_s, time_s
-    inside, left = extend(memory.inside, now, seen.frozen, *limits)
-    speeding, _ = extend(memory.speeding, speeds, seen.frozen, *limits)
+    inside, left = extend(memory.inside, now, seen.frozen, settings.open_s, settings.close_s, time_s)
+    speeding, _ = extend(memory.speeding, speeds, seen.frozen, settings.open_s, settings.close_s, time_s)
     by_number = {shape.number: shape for shape in zones}
     of_zone = np.array([number in by_number for number in inside.subject.tolist()], np.bool_)
     inside = inside.take(of_zone)  # a zone that was deleted has no vessels

@@ -92,7 +92,7 @@ def bearing_only_vessels(bearings: VesselBearings, fused: FusedTracks, vessels: 
     number, first = np.unique(bearings.vessel[lost], return_index=True)
     vessel_id, updated_s = bearings.vessel_id[lost][first], np.full(len(number), -np.inf)
     np.maximum.at(updated_s, bearings.vessel[lost] - vessels, bearings.updated_s[lost])
-    estimates = fused.take(number)
-    has_position = np.isfinite(estimates.position_deg[:, 0])
-    rows = estimates.time_s, estimates.position_deg, estimates.velocity_m_s, estimates.covariance, updated_s
-    return fused.take(np.arange(vessels)), HeldVessels(vessel_id, *rows).take(has_position)
+    e = fused.take(number)
+    has_position = np.isfinite(e.position_deg[:, 0])
+    held = HeldVessels(vessel_id, e.time_s, e.position_deg, e.velocity_m_s, e.covariance, updated_s)
+    return fused.take(np.arange(vessels)), held.take(has_position)

@@ -159,8 +159,9 @@ class OnlineRegistration(Method):
         scatter = memory.scatter
         if self.noise_memory_s > 0.0:
             scatter = scattered(scatter, given, references, alarmed, float(np.exp(-dt / self.noise_memory_s)))
-        known = shares, information, estimate, waiting, scatter
-        after = OnlineMemory(time_s, references, reference_cells, acquisition, *known, quiet_s)
+        after = OnlineMemory(
+            time_s, references, reference_cells, acquisition, shares, information, estimate, waiting, scatter, quiet_s
+        )
         return after, self._corrections(after, seen, swept, corrections, dt, sensors)
 
     def _sized(self, memory: OnlineMemory, time_s: float, sensors: Sensors) -> OnlineMemory:

@@ -134,5 +134,17 @@ def _job(of: Published, subject: Scenario | TwoFilters, seed: int, roc: Roc | No
         "code": code,
     }
     key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()[:20]
-    kinds = of.targets, of.side_by_side, of.systems, of.track_loss, of.trackers
-    return Job(key, subject, seed, of.history_s, of.picture, roc, of.serial, *kinds)
+    return Job(
+        key=key,
+        subject=subject,
+        seed=seed,
+        history_s=of.history_s,
+        picture=of.picture,
+        roc=roc,
+        serial=of.serial,
+        targets=of.targets,
+        side_by_side=of.side_by_side,
+        systems=of.systems,
+        track_loss=of.track_loss,
+        trackers=of.trackers,
+    )

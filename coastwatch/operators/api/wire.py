@@ -328,8 +328,8 @@ def _header(frame: Frame, head: _Head, lists: Sequence[Array], size: int) -> byt
     """The header of a message. Args: lists: as of `_message`; size: of the body."""
     changed, removed, added = map(len, lists or ((), (), ()))
     slots, whole = len(frame.ids), HEADER.size + size
-    counts = slots, changed, removed, added, frame.run, whole
-    return HEADER.pack(MAGIC, head.version, head.kind, head.flags, frame.seq, head.base, frame.time_s, *counts)
+    f, h = frame, head
+    return HEADER.pack(MAGIC, h.version, h.kind, h.flags, f.seq, h.base, f.time_s, slots, changed, removed, added, f.run, whole)
 
 
 def _longer(array: Array, size: int) -> Array:

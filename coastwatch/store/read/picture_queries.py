@@ -358,7 +358,7 @@ def _decided(connection: Connection, run_id: int, vessel_id: int, newest: int | 
     stay = and_(PRESENCE.c.run_id == CYCLE.c.run_id, PRESENCE.c.vessel_id == vessel_id, PRESENCE.c.from_cycle <= CYCLE.c.number)
     lasts = or_(PRESENCE.c.to_cycle.is_(None), PRESENCE.c.to_cycle >= CYCLE.c.number)
     there = select(CYCLE.c.number).join(PRESENCE, and_(stay, lasts)).where(CYCLE.c.run_id == run_id)
-    columns = d.time_s, d.latitude_deg, d.longitude_deg, d.sog_kn, d.cog_deg, d.major_m, d.minor_m, d.orientation_deg
+    columns = [d.time_s, d.latitude_deg, d.longitude_deg, d.sog_kn, d.cog_deg, d.major_m, d.minor_m, d.orientation_deg]
     query = select(*columns, d.track_id, SENSOR.c.name.label("radar"), d.cycle.label("decided_cycle"))
     query = query.select_from(DECIDED_PATH.outerjoin(SENSOR, and_(same, SENSOR.c.number == d.radar)))
     query = query.where(d.run_id == run_id, d.cycle.in_(there), d.vessel_id == vessel_id)

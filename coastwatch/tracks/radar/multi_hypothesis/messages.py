@@ -165,10 +165,10 @@ def _children(
     estimates = Estimates(updated_s, *(np.empty_like(column) for column in children.estimates[1:]))
     kernels.filters.imm.combine_filters(tuple(after), estimates, np.arange(len(pair)), parts.bank.models)
     mean, covariance = kernels.filters.imm.estimate_filters(*(column[pair] for column in heard.predicted))
-    at_predicted = np.ascontiguousarray(mean[:, :4]), np.ascontiguousarray(covariance[:, :4, :4])
+    mean, covariance = np.ascontiguousarray(mean[:, :4]), np.ascontiguousarray(covariance[:, :4, :4])
     children.plot[:, -1] = forest.next_plot + message[pair]
     children.step[:, -1] = len(forest.steps) + np.arange(len(pair))
-    new = FilterSteps(updated_s, estimates.mean, estimates.covariance, *at_predicted, np.full(len(pair), -1))
+    new = FilterSteps(updated_s, estimates.mean, estimates.covariance, mean, covariance, np.full(len(pair), -1))
     children = replace(
         children,
         cost=cost,
