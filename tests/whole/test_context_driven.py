@@ -74,7 +74,9 @@ OF_PAPER = [
     pytest.param(name, figure, id=f"{name}: {figure.name}", marks=marks_of(name, figure))
     for name, of in PAPER.items()
     for figure in of.figure
-    if figure.asked is not None and not (of.picture or of.serial) and of.two_filters is None and hardest(of, figure)
+    if figure.asked is not None
+    and not (of.picture or of.serial or of.two_filters or of.track_loss or of.trackers)
+    and hardest(of, figure)
 ]
 TINY = ("input.count=30", "cycles=4", "warmup_s=45.0")  # for what is slow, or only has to run
 
