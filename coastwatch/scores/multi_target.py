@@ -60,7 +60,7 @@ class MultiTargetScores:
         row, target = row[near], target[near]
         places = earth_centred(tracks.position_deg), earth_centred(truth.position_deg)
         apart = tuple(ospa(gospa(*places, c, ORDER), c, ORDER).total_m for c in self.cutoffs_m)
-        now = Instant(now_s - self.start_s, len(row) == v == n, n - len(row), apart)
+        now = Instant(round(now_s - self.start_s, 3), len(row) == v == n, n - len(row), apart)
         errors = _errors(every[row, target], tracks.velocity_m_s[row], truth.velocity_m_s[target], tracks.covariance[row])
         return replace(
             self,

@@ -51,7 +51,7 @@ def test_both_trackers_of_the_paper_find_both_tugs_and_keep_them(made: tuple[rep
 def test_the_report_has_the_printed_figures_beside_ours(made: tuple[report.Reproduction, Path]) -> None:
     said = list(report.lines(made[0]))
     line = next(text for text in said if text.strip().startswith("acquisition, mean, literal"))
-    assert " 12.0 " in line
+    assert " 12.0 " in line, "published"
     assert "asked: reached" in line
     assert any(text.strip().startswith("OSPA 200 to 400 s, c = 250 m, literal") for text in said)
     page = report.written_page(FinishedRuns(str(made[1].parent)), made[0]).read_text("utf-8")
