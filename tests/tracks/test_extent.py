@@ -140,3 +140,22 @@ def test_a_tracker_reports_the_size_of_a_ship_in_pieces_as_one_track_and_resumes
     assert found.tracks.echo_length_m[0] == pytest.approx(300.0, abs=1.0)
     assert found.tracks.echo_width_m[0] == pytest.approx(42.0, abs=1.0)
     assert found.tracks.echo_axis_deg[0] == pytest.approx(90.0, abs=0.5)
+
+
+def test_a_ship_under_way_that_began_as_two_tracks_is_one_and_ships_at_rest_stay_two():
+    def found(speed):
+        tracker, sensors = TableTracker(method="sided_imm"), two_radars()
+        sensors = replace(sensors, radars=replace(sensors.radars, beam_rad=np.full(2, np.radians(1.0))))
+        memory, period_s = tracker.init(), float(sensors.radars.period_s[0])
+        for turn in range(24):
+            now_s = 1.7e9 + turn * period_s
+            middle = np.array([1500.0 + speed * turn * period_s, 1500.0])
+            ends = middle + np.array([[-75.0, 0.0], [75.0, 0.0]])
+            given = plots([now_s, now_s + 1e-3], ends, [moments(150.0, 42.0, 90.0)] * 2, [5.0, 5.0])
+            memory, out = tracker.step(memory, RegionInput.of_plots(given, now_s + 0.1, sensors))
+        return out.tracks
+
+    whole = found(5.0)
+    assert len(whole) == 1
+    assert whole.echo_length_m[0] == pytest.approx(300.0, abs=3.0)
+    assert len(found(0.0)) == 2

@@ -18,6 +18,7 @@ LEAST_PLOTS = 5  # in the mean, before a size is given
 LENGTH_OF_MOMENT = 12.0
 WIDER, BEYOND_M = 1.15, 15.0  # a piece is inside so much more of the half axes, and so much beyond
 UNDER_WAY_M_S = KNOT_M_S  # a slower ship has an axis, but no heading
+LONGEST_M, IN_LINE_RAD, ALIKE_M_S = 460.0, np.radians(20.0), 1.5  # of two ends of one ship: no ship is longer
 GLINT = 0.1  # share of the second moment that is in the variance of a plot, as in `plots.video`
 
 
@@ -106,6 +107,50 @@ def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> Plots:
     for name in SUMMED:
         getattr(whole, name)[row[first]] = getattr(together, name)
     return whole.take(keep)
+
+
+def ends_of_one(hulls: Hulls, time_s: float) -> tuple[Ints, Ints]:
+    """Pairs of tracks that are the ends of one ship under way: in line with their axes, end to end, of one velocity. (A,), (A,)
+
+    An end is in one pair at most. Ships that follow each other keep more distance than the 15 m and 0.15 lengths that are allowed
+    between the ends; ships in berths may not, so that what is at rest is left as it is.
+    """
+    moving = np.flatnonzero(np.hypot(hulls.state[:, 2], hulls.state[:, 3]) > UNDER_WAY_M_S)
+    if len(moving) < 2:
+        return moving[:0], moving[:0]
+    from scipy.spatial import cKDTree
+
+    length, _, angle = axes(hulls.extent)
+    at_m = hulls.state[:, :2] + (time_s - hulls.time_s)[:, None] * hulls.state[:, 2:]
+    pairs = cKDTree(at_m[moving]).query_pairs(LONGEST_M, output_type="ndarray")
+    one, other = moving[pairs].reshape(-1, 2).T
+    off_m = at_m[other] - at_m[one]
+    apart, line = np.hypot(off_m[:, 0], off_m[:, 1]), np.arctan2(off_m[:, 0], off_m[:, 1])
+    half = 0.5 * (length[one] + length[other])
+    fits = (apart <= WIDER * half + BEYOND_M) & (apart + half <= LONGEST_M)
+    for end in (one, other):
+        fits &= np.abs(np.sin(angle[end] - line)) <= np.sin(IN_LINE_RAD)
+    velocity = hulls.state[one, 2:] - hulls.state[other, 2:]
+    fits &= np.hypot(velocity[:, 0], velocity[:, 1]) <= ALIKE_M_S
+    one, other = one[fits], other[fits]
+    order = np.lexsort((other, one))
+    one, other, taken, kept = one[order], other[order], set[int](), []
+    for k, (first, second) in enumerate(zip(one.tolist(), other.tolist(), strict=True)):  # few: ships in pieces
+        if first not in taken and second not in taken:
+            taken |= {first, second}
+            kept.append(k)
+    return one[kept], other[kept]
+
+
+def as_one_ship(hulls: Hulls, one: Ints, other: Ints, time_s: float) -> tuple[Floats, Floats]:
+    """How far the middle of each pair is from the first of it, and the second moments of both as one. (A, 2) m, (A, 3) m2"""
+    length = axes(hulls.extent)[0]
+    at_m = hulls.state[:, :2] + (time_s - hulls.time_s)[:, None] * hulls.state[:, 2:]
+    share = (length[other] / (length[one] + length[other]))[:, None]
+    off_m = at_m[other] - at_m[one]
+    outer = np.column_stack([off_m[:, 0] ** 2, off_m[:, 0] * off_m[:, 1], off_m[:, 1] ** 2])
+    extent = (1.0 - share) * hulls.extent[one] + share * hulls.extent[other] + share * (1.0 - share) * outer
+    return share * off_m, extent
 
 
 SUMMED = ("time_s", "position_m", "covariance", "range_m", "azimuth_rad", "extent", "weight")

@@ -27,7 +27,7 @@ from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.association import AnyAssociation, MultiHypothesis
 from coastwatch.tracks.radar.clutter import standing_echoes
-from coastwatch.tracks.radar.extent import LEAST_PLOTS, Hulls, averaged, axes, joined
+from coastwatch.tracks.radar.extent import LEAST_PLOTS, MOST_WEIGHT, Hulls, as_one_ship, averaged, axes, ends_of_one, joined
 from coastwatch.tracks.radar.messages import Guiding, NoMessages, Sequential, WithMessages, begin_unnamed, in_order
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.plot_batches import cut, is_usable
@@ -140,7 +140,7 @@ def update_region(
         memory = queue.take(parts, memory, time_s)
     radars = _radars(memory, ours, specified, sensors)
     memory = _end_slice(association, parts, memory, radars, ours, time_s)
-    memory = association.end_cycle(parts, memory, time_s)
+    memory = _with_whole_ships(parts, association.end_cycle(parts, memory, time_s), time_s)
     table = memory.table
     rows = upkeep.shown(table, time_s)
     if isinstance(messages, Guiding):
@@ -213,12 +213,32 @@ def _whole_hulls(parts: Parts, memory: RadarMemory, plots: Plots, time_s: float)
     """The plots, with the pieces inside the hull of a confirmed track of known length as one plot."""
     if np.isnan(plots.extent[:, 0]).all():
         return plots
-    table, radars = memory.table, parts.sensors.radars
+    return joined(plots, _hulls(parts, memory, time_s, LEAST_PLOTS)[1], parts.sensors.radars.period_s)
+
+
+def _with_whole_ships(parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
+    """The memory with one track for two that are the ends of one ship: the older, moved to the middle of both. In place."""
+    table = memory.table
+    if np.count_nonzero(table.extents[table.live]) < 2 or len(memory.forest.leaves.slot):
+        return memory
+    rows, hulls = _hulls(parts, memory, time_s, MOST_WEIGHT)
+    one, other = ends_of_one(hulls, time_s)
+    if not len(one):
+        return memory
+    shift_m, extent = as_one_ship(hulls, one, other, time_s)
+    table.combined_mean[rows[one], :2] += shift_m
+    table.state[rows[one], :, :2] += shift_m[:, None, :]
+    table.extent[rows[one]] = extent
+    return replace(memory, table=table.without(np.isin(table.live, rows[other])))
+
+
+def _hulls(parts: Parts, memory: RadarMemory, time_s: float, least: int) -> tuple[Ints, Hulls]:
+    """The slots of confirmed tracks of known length, the older first, and their hulls. Args: least: plots in the mean."""
+    table = memory.table
     rows = parts.upkeep.shown(table, time_s)
-    rows = rows[table.extents[rows] >= LEAST_PLOTS]
+    rows = rows[table.extents[rows] >= least]
     rows = rows[axes(table.extent[rows])[0] > _beam_m(memory, rows, table.combined_mean[rows, :2], parts.sensors)]
-    hulls = Hulls(table.updated_s[rows], table.combined_mean[rows], table.extent[rows], table.radar_s[rows])
-    return joined(plots, hulls, radars.period_s)
+    return rows, Hulls(table.updated_s[rows], table.combined_mean[rows], table.extent[rows], table.radar_s[rows])
 
 
 def _reported(
