@@ -42,7 +42,7 @@ METHODS: dict[str, dict[str, str]] = {
     "sided_imm": {"tracks.plot_origin": "estimated"},
     "sided_vimmjipda": {"tracks.method": "sided_vimmjipda"},
     "vimmjipda": {"tracks.method": "vimmjipda"},
-    "multi_hypothesis": {"tracks.method": "multi_hypothesis"},
+    "multi_hypothesis": {"tracks.method": "multi_hypothesis", "tracks.messages.method": "none"},
     "vimmjipda_sequential": {"tracks.method": "vimmjipda_sequential"},
 }
 HEADS = "F1, %", "fused m", "fused m/s", "radar m", "radar m/s", "breaks", "changes"

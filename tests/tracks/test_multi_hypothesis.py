@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from radar_world import ORIGIN_DEG, PERIOD_S, plots_of, run, two_radars, world
 
 from coastwatch.geodesy import to_plane
+from coastwatch.kernels.tracks import hypothesis_trees
 from coastwatch.scenario import ScenarioError, load_scenario
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import TableTracker
@@ -57,6 +58,15 @@ def test_memory_is_bounded_and_chosen_leaves_share_no_plot(method, dense):
         newest = newest[newest >= 0]
         assert len(np.unique(newest)) == len(newest)
     assert len(leaves) > len(slot)
+
+
+def test_children_that_are_left_out_before_they_grow_would_not_have_stayed(dense, monkeypatch):
+    tracker = TableTracker(method="multi_hypothesis", association=MultiHypothesis(leaves=6))
+    memory, out = run(tracker, dense, 8)
+    monkeypatch.setattr(hypothesis_trees, "promising", lambda leaves, first, plot, *_: np.ones(len(plot), np.bool_))
+    every, whole = run(tracker, dense, 8)
+    assert np.array_equal(memory.forest.leaves.plot, every.forest.leaves.plot)
+    assert np.array_equal(out[-1].covariance, whole[-1].covariance)
 
 
 def test_ships_abreast_stay_two():

@@ -20,6 +20,9 @@ from coastwatch.kernels.filters.smoothing import Steps
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tracks.existence import SURELY, after, missed
 
+TWO_PI = 2.0 * math.pi
+FAINT = 1e-250  # of a likelihood
+ROUNDING = 1e-6  # of costs that are summed in another order
 DEAR = 6.0  # cost of a miss above that of its only plot, from which it may be left out
 LEAST = 1e-12  # of the probability that a vessel gives a plot
 
@@ -147,6 +150,80 @@ def _take(leaves, k, m, look, columns, motion, work, step):  # type: ignore[no-u
 
 
 @jit
+def _reach(leaves, k, look, n, chain):  # type: ignore[no-untyped-def]
+    """Bring leaf k of the tree in slot n to a look, past the looks before it that gave no plot, in place."""
+    for missing in range(int((look.time[n] - look.before[n]) / look.period - 0.5)):  # one less than the turns, rounded
+        _fade(leaves, k, look.before[n] + (missing + 1) * look.period, chain)
+        _miss(leaves, k, look.detection)
+    _fade(leaves, k, look.time[n], chain)
+
+
+@jit
+def promising(leaves, first, plot, look, columns, chain, motion, bounds):  # type: ignore[no-untyped-def]
+    """Which plots of which leaves may be among the cheapest children of their tree, (A,): the others need no filter.
+
+    Args: as of `grow`; motion: renewal and models; bounds: leaves of a tree that stay, and their gap, as of `cheapest`.
+    """
+    keep, price, one = np.ones(len(plot), np.bool_), np.empty(len(plot)), _empty(leaves, 1)
+    work = imm.workspace(len(motion[1])), np.empty(2), np.empty((2, 2)), price
+    i = 0
+    while i < len(leaves.slot):
+        n, end = leaves.slot[i], i + 1
+        while end < len(leaves.slot) and leaves.slot[end] == n:
+            end += 1
+        low, high = first[i], first[end]
+        if look.time[n] > -math.inf and high - low + end - i > bounds[0]:
+            every = np.empty(high - low + end - i)
+            for leaf in range(i, end):
+                _copy(leaves, leaf, one, 0)
+                _reach(one, 0, look, n, chain)
+                _price(leaves, leaf, one, (first[leaf], first[leaf + 1], plot), look, columns, motion, work)
+                _miss(one, 0, look.detection)
+                every[high - low + leaf - i] = one.cost[0]
+            every[: high - low] = price[low:high]
+            every.sort()
+            keep[low:high] = price[low:high] <= min(every[bounds[0] - 1], every[0] + bounds[1]) + ROUNDING
+        i = end
+    return keep
+
+
+@jit
+def _price(leaves, leaf, one, plots, look, columns, motion, work):  # type: ignore[no-untyped-def]
+    """Write the cost of the children of a leaf with each of its plots, but for rounding.
+
+    Args: one: that leaf at the look, in row 0, whose filter is overwritten; plots: first, end, rows of columns; work: `imm.Workspace`,
+    z (2,), noise (2, 2), and the costs, which are written.
+    """
+    inside, z, noise, price = work
+    state, covariance, mode, at = one.state[0], one.covariance[0], one.mode[0], -math.inf
+    base = one.cost[0] - math.log(max(one.existence[0] * one.visibility[0] * look.detection, LEAST))
+    for a in range(plots[0], plots[1]):
+        m = plots[2][a]
+        dt = columns.time[m] - leaves.time[leaf]
+        z[:] = columns.position[m]
+        noise[:] = columns.covariance[m]
+        if dt <= 0.0:
+            imm.bring_forward(z, noise, -dt, leaves.mean[leaf], leaves.spread[leaf])
+        if max(dt, 0.0) != at:
+            at = max(dt, 0.0)
+            state[:] = leaves.state[leaf]
+            covariance[:] = leaves.covariance[leaf]
+            mode[:] = leaves.mode[leaf]
+            if dt > 0.0:
+                inside.mean[:4] = leaves.mean[leaf]
+                inside.spread[:4, :4] = leaves.spread[leaf]
+                imm.predict_from_moments(state, covariance, mode, motion[1], dt, motion[0], inside)
+        likelihood = 0.0
+        for j in range(len(mode)):
+            p = covariance[j]
+            ee, en, nn = p[0, 0] + noise[0, 0], p[1, 0] + noise[1, 0], p[1, 1] + noise[1, 1]
+            east, north, determinant = z[0] - state[j, 0], z[1] - state[j, 1], ee * nn - en * en
+            square = (nn * east * east - 2.0 * en * east * north + ee * north * north) / determinant
+            likelihood += mode[j] * math.exp(-0.5 * square) / math.sqrt(determinant)
+        price[a] = base - math.log(max(likelihood, FAINT) / TWO_PI) + math.log(look.nobody[m])
+
+
+@jit
 def grow(leaves, first, plot, look, columns, chain, renewal, models):  # type: ignore[no-untyped-def]
     """The children of leaves: each without a plot and with each of its plots. And the Steps of their filters, (A,).
 
@@ -167,10 +244,7 @@ def grow(leaves, first, plot, look, columns, chain, renewal, models):  # type: i
         time = look.time[n]
         if time == -math.inf:
             continue
-        for missing in range(int((time - look.before[n]) / look.period - 0.5)):  # one less than the turns, rounded
-            _fade(out, unseen, look.before[n] + (missing + 1) * look.period, chain)
-            _miss(out, unseen, look.detection)
-        _fade(out, unseen, time, chain)
+        _reach(out, unseen, look, n, chain)
         for w in range(out.plot.shape[1] - 1):
             out.plot[unseen, w], out.step[unseen, w] = out.plot[unseen, w + 1], out.step[unseen, w + 1]
         out.plot[unseen, -1] = out.step[unseen, -1] = -1

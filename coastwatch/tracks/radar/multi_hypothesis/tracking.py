@@ -66,7 +66,7 @@ class MultiHypothesis(Settings):
         unseen_s, numbers = np.full(len(before_s), -np.inf), (forest.next_plot, len(forest.steps))
         lone = np.zeros(len(batch.time), np.bool_)
         look = Look(radar, period_s, detection, unseen_s, before_s, nobody, lone, numbers[0], numbers[1])
-        grown, steps = _grown(parts, forest, batch, look, table.status)
+        grown, steps = _grown(parts, forest, batch, look, (table.status, self.leaves, self.score_gap))
         looked = np.isfinite(look.time)
         pruned = choose_and_prune(self._pruning, forest, grown, looked, table.status)
         forest = forest.with_leaves(pruned.leaves, steps)
@@ -149,10 +149,13 @@ class MultiHypothesis(Settings):
         return now._replace(covariance=covariance), alternative_m
 
 
-def _grown(parts: Parts, forest: Forest, batch: PlotColumns, look: Look, status: Ints) -> tuple[Leaves, FilterSteps]:
+def _grown(
+    parts: Parts, forest: Forest, batch: PlotColumns, look: Look, trees: tuple[Ints, int, float]
+) -> tuple[Leaves, FilterSteps]:
     """The children of leaves, and all steps of their filters. The time of the look of each tree, and which plots are alone, are
-    written into `look`. Args: status: (S,).
+    written into `look`. Args: trees: status of each slot (S,), leaves of a tree that stay, and their gap.
     """
+    status, most, gap = trees
     leaves, rules = forest.leaves, parts.existence
     lively = np.full(len(leaves), parts.bank.models["noise"].max())
     limit, rows = gate(rules.gate_probability, 2), np.arange(len(leaves))
@@ -168,9 +171,12 @@ def _grown(parts: Parts, forest: Forest, batch: PlotColumns, look: Look, status:
     first, by_leaf = kernels.tables.counting_sort.counting_sort(leaf, len(leaves))
     plot = plot[by_leaf]
     np.maximum.at(look.time, leaves.slot[leaf], batch.time[pairs.plot[due]])
-    renewal_s = parts.bank.prior.renewal_s
+    motion, promising = (parts.bank.prior.renewal_s, parts.bank.models), kernels.tracks.hypothesis_trees.promising
+    kept = promising(leaves.columns, first, plot, look, batch, rules.chain, motion, (most, gap))
+    if not kept.all():
+        first, plot = np.append(0, np.cumsum(kept))[first], plot[kept]
     grow = kernels.tracks.hypothesis_trees.grow
-    grown, steps = grow(leaves.columns, first, plot, look, batch, rules.chain, renewal_s, parts.bank.models)
+    grown, steps = grow(leaves.columns, first, plot, look, batch, rules.chain, motion[0], motion[1])
     radar = np.full(len(plot), look.radar)
     new = FilterSteps(steps.time, steps.mean, steps.covariance, steps.predicted_mean, steps.predicted_covariance, radar)
     return Leaves(*grown), FilterSteps.join([forest.steps, new])
