@@ -65,7 +65,7 @@ def close(tracker: RadarTracker, seeds: range) -> tuple[str, ...]:
 
     Plots never merge.
     """
-    near, after, names = [], [], []
+    near, after, names = list[bool](), list[bool](), list[int]()
     for seed in seeds:
         random, sensors, memory, seen = np.random.default_rng([seed, 62]), _one_radar(), tracker.init(), set[int]()
         for turn in range(225):
