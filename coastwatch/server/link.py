@@ -67,7 +67,7 @@ class FeedCounts(TypedDict, total=False):
     newest_s: float | None  # time of the newest record
     faults: dict[str, int]
     troubles: list[str]
-    radars: list[RadarState]  # that send video
+    radars: list[RadarState]  # that send video; of a feed of video alone
 
 
 class FeedState(FeedCounts):

@@ -160,7 +160,8 @@ def run_scenario(
             store.discard_runs(opened, scenario.name, seed)
         with open_workers(scenario.workers.method, count) as opened_workers:
             run = _Run(scenario, sensors, seed, source, live, stop, schedule, opened, opened_workers)
-            warm_up(scenario, sensors, partial(report, 0, total), opened_workers)
+            video = any("radars" in feed for feed in source.feeds())
+            warm_up(scenario, sensors, partial(report, 0, total), opened_workers, video=video)
             point = run.begin(resume, processors(count))
             with _interrupt_as_flag(stop) if live is None else nullcontext():
                 try:

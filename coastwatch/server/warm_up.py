@@ -14,6 +14,7 @@ from coastwatch.batches import Floats, Reports, Sensors
 from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import offset_deg
 from coastwatch.scenario import Scenario
+from coastwatch.sensors import VideoFiles
 from coastwatch.sensors.simulated.ais import AisTruth
 from coastwatch.sensors.simulated.simulation import Simulated
 from coastwatch.sensors.simulated.video import SimulatedVideo
@@ -24,16 +25,19 @@ CYCLES = 8  # tracks are confirmed, associated and fused by then
 START_S = 1.7e9  # any time
 LATE_S = 5.0  # AIS reports come, so that some of them are replayed
 NEAR_M = ((400.0, 300.0), (-900.0, 500.0), (700.0, -1200.0), (-300.0, -600.0))  # of the vessels from a sensor, east and north
+VIDEO_CELLS = 256  # of a spoke
 MOST_SENSORS = 6  # round which vessels are put
 
 
 ALONE = Workers(serial, serial_regions)
 
 
-def warm_up(scenario: Scenario, sensors: Sensors, report: Callable[[str], None], workers: Workers = ALONE) -> None:
+def warm_up(
+    scenario: Scenario, sensors: Sensors, report: Callable[[str], None], workers: Workers = ALONE, *, video: bool = False
+) -> None:
     """Run a few cycles on a few simulated vessels, and forget them.
 
-    Args: workers: of the run.
+    Args: workers: of the run; video: some comes from live feeds.
     report: called with a text before each stage of the first cycle, which takes seconds where kernels are compiled.
     """
     places = _places(scenario, sensors)
@@ -47,7 +51,10 @@ def warm_up(scenario: Scenario, sensors: Sensors, report: Callable[[str], None],
     scenario = _with_spots(scenario, several=workers.spots is not serial)
     plan = Plan(start_s=START_S, period_s=scenario.period_s, cycles=CYCLES)
     reports, memory, before_s = sea.load(sensors, 0, plan).reports, start_run(scenario, sensors), -np.inf
-    video = scenario.input.load(sensors, 0, plan).reports if isinstance(scenario.input, SimulatedVideo) else Reports.empty()
+    of_video = scenario.input if isinstance(scenario.input, SimulatedVideo) else None
+    if of_video is None and len(sensors.radars) and (video or isinstance(scenario.input, VideoFiles)):
+        of_video = SimulatedVideo(cells=VIDEO_CELLS)
+    spokes = Reports.empty() if of_video is None else of_video.load(sensors, 0, plan).reports
     begun: list[str] = []
 
     @contextmanager
@@ -59,7 +66,7 @@ def warm_up(scenario: Scenario, sensors: Sensors, report: Callable[[str], None],
 
     for number in range(CYCLES):
         now_s = plan.instant_s(number)
-        arrived = Reports.merged([reports.between(before_s, now_s), video.between(before_s, now_s)])
+        arrived = Reports.merged([reports.between(before_s, now_s), spokes.between(before_s, now_s)])
         memory, _ = run_cycle(scenario, sensors, memory, arrived, now_s, workers.spots, announced, workers.regions)
         before_s = now_s
 

@@ -234,7 +234,7 @@ def test_what_is_sent_is_what_comes():
     assert made.counts.radars["south"].spokes_lost == 0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32), st.integers(1, 3), st.sampled_from([1, 2, 4, 8, 16, 32]), st.booleans())
 def test_nothing_that_is_damaged_stops_a_feed(seed, parts, bits, compressed):
     rng = np.random.default_rng(seed)
@@ -259,15 +259,15 @@ def test_memory_is_flat_under_damaged_messages():
     good = [data for _, data, _ in arrivals(messages(turns=1))]
     sizes = []
     tracemalloc.start()
-    for turn in range(12):
+    for turn in range(8):
         items = []
-        for k in range(500):
+        for k in range(300):
             raw = bytearray(good[k % len(good)])
             raw[rng.integers(3, 30)] = rng.integers(0, 256)
-            items.append((START_S + turn + 0.002 * k, bytes(raw), 0))
+            items.append((START_S + turn + 0.003 * k, bytes(raw), 0))
         made.decode(items, None)
         made.reports_between(START_S + turn - 60.0, math.inf)
         del items
         sizes.append(tracemalloc.get_traced_memory()[0])
     tracemalloc.stop()
-    assert sizes[-1] - sizes[5] < 60_000, sizes
+    assert sizes[-1] - sizes[4] < 60_000, sizes

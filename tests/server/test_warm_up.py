@@ -7,9 +7,11 @@ from multiprocessing import active_children
 import numpy as np
 import pytest
 
+from coastwatch.batches import RadarReports
 from coastwatch.kernels.association import polar_pairs
 from coastwatch.kernels.filters import ais_tracker
 from coastwatch.kernels.geometry import radar_plane
+from coastwatch.plots import CfarExtraction, ExtractionInput, ExtractionMemory
 from coastwatch.scenario import load_scenario
 from coastwatch.server.warm_up import _places, _with_spots, warm_up
 from coastwatch.workers import open_workers
@@ -44,6 +46,21 @@ def test_the_kernels_that_take_longest_are_loaded() -> None:
         polar_pairs.near_pairs,
     ):
         assert kernel.signatures, kernel.__name__
+
+
+@pytest.mark.parametrize("video", [False, True])
+def test_kernels_of_video_are_loaded_where_a_feed_has_some(video: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = load_scenario("context-driven-100")
+    spokes: list[int] = []
+    step = CfarExtraction.step
+
+    def looked(self: CfarExtraction, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, RadarReports]:
+        spokes.append(len(given.video))
+        return step(self, memory, given)
+
+    monkeypatch.setattr(CfarExtraction, "step", looked)
+    warm_up(scenario, scenario.sensors(), lambda text: None, video=video)
+    assert (sum(spokes) > 1024) == video
 
 
 def test_worker_processes_have_done_both_kinds_of_work_before_the_first_cycle() -> None:

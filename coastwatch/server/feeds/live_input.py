@@ -18,6 +18,7 @@ from typing import Literal, Self
 
 from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors, TrackReports
 from coastwatch.errors import AddressError
+from coastwatch.formats.asterix.video_feed import VIDEO
 from coastwatch.formats.decoding import BEFORE_RUN, DROPPED, FAR_AHEAD_S, LATE, Decoder, Item, OptionError, decode
 from coastwatch.formats.intake.faults import refused
 from coastwatch.formats.registry import FORMATS, decoders_of
@@ -111,7 +112,7 @@ class _Feed:
         inbox, decoder = self.inbox, self.decoder
         newest_s = decoder.stamps.newest_s
         faults = decoder.tally.faults()
-        return inbox.as_feed(
+        state = inbox.as_feed(
             inbox.address.name,
             received=inbox.received,
             records=decoder.counts.records,
@@ -122,8 +123,10 @@ class _Feed:
             newest_s=newest_s if math.isfinite(newest_s) else None,
             faults={fault.kind: fault.count for fault in faults},
             troubles=self.troubles(),
-            radars=self._video.states(now_s()),
         )
+        if inbox.address.format == VIDEO.name:
+            state["radars"] = self._video.states(now_s())
+        return state
 
 
 class LiveInput:
