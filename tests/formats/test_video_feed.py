@@ -196,7 +196,19 @@ def test_a_text_of_a_radar_is_shown_and_absurd_video_is_refused():
     assert made.counts.radars["north"].text == "NOVA"
     faults = {fault.kind: fault.example for fault in made.tally.faults()}
     assert set(faults) == {video_feed.TEXT, video_feed.ABSURD_RANGE, video_feed.EMPTY, "damaged video: block: cut short"}
-    assert "needed more than 0" in faults[video_feed.ABSURD_RANGE]
+    assert "needed 0.05 m or more, at most 131072, 500 km" in faults[video_feed.ABSURD_RANGE]
+    for odd in ({"duration_fs": 1}, {"duration_fs": 0}, {"first_cell": 131_072, "duration_fs": 1_000_000}):
+        made.decode([(START_S, encode(next(messages(**odd))), 0)], None)
+    assert made.tally.count(video_feed.ABSURD_RANGE) == 4
+
+
+def test_a_spoke_far_out_does_not_make_all_of_them_as_long():
+    found = list(messages(turns=1))
+    found[100] = found[100]._replace(first_cell=70_000, duration_fs=1_000_000)
+    others = [m._replace(duration_fs=1_000_000) for k, m in enumerate(found) if k != 100]
+    parts = video(decoder(), arrivals([*others[:100], found[100], *others[100:]]))
+    assert {part.level.shape[1] for part in parts} == {CELLS}
+    assert sum(map(len, parts)) == SPOKES
 
 
 def test_what_waits_is_bounded_in_bytes(monkeypatch):

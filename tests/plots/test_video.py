@@ -217,6 +217,13 @@ def test_nothing_is_found_in_a_mask():
 
 
 @pytest.mark.contract
+def test_cells_that_are_absurdly_short_take_no_more_memory():
+    one = video(sea(300, 40, 5))
+    small = RadarVideo(0, 0.0, 1e-7, one.time_s, one.received_s, one.azimuth_rad, one.site_deg, one.level)
+    memory, _ = plots_of(CfarExtraction(), small, radars())
+    assert memory.radars[0].level.shape[1] == 40
+
+
 def test_what_did_not_come_of_a_spoke_is_not_looked_at():
     level = np.full((600, 200), 20, np.uint8)
     level[300:304, 100:104] = 200

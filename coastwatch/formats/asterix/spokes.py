@@ -12,7 +12,7 @@ import numpy as np
 
 from coastwatch.batches import Array, Floats, RadarVideo
 from coastwatch.formats.asterix.beam_time import FULL_TURN, BeamTime
-from coastwatch.formats.asterix.video import VideoMessage
+from coastwatch.formats.asterix.video import MOST_CELLS, VideoMessage
 from coastwatch.formats.video_state import VideoState
 
 HALF_LIGHT_M_FS = 0.5 * 299_792_458.0e-15  # range of a femtosecond
@@ -155,7 +155,7 @@ class SpokeJoiner:
         covered = sum(len(part.level) for part in parts)
         whole = covered == end - first and not lost and not self._has_gap
         low, high = self._scale[2:]
-        if key != self._scale[:2]:
+        if key != self._scale[:2] or max(end, high) - min(first, low) > MOST_CELLS:
             self._rescale(key, first, end)
         elif first < low or end > high:
             self._rescale(key, min(first, low), max(end, high))

@@ -16,7 +16,7 @@ from coastwatch.errors import InputError
 from coastwatch.formats.asterix.beam_time import FULL_TURN
 from coastwatch.formats.asterix.decoder import DAY_S, SAC, Origin, block_length, date_of, nearest_s, origins_of
 from coastwatch.formats.asterix.spokes import HALF_LIGHT_M_FS, SpokeJoiner
-from coastwatch.formats.asterix.video import VideoMessage, VideoText, decode, encode
+from coastwatch.formats.asterix.video import MOST_CELLS, VideoMessage, VideoText, decode, encode
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps
 from coastwatch.formats.format import Format, SensorNames
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
@@ -36,6 +36,7 @@ SECOND_S = 2.0
 MOST_WAITING_BYTES = 256 << 20
 """Of the spokes of a feed that wait for their cycle. The oldest go first."""
 
+LEAST_CELL_M = 0.05
 MOST_PART = 32_768  # cells of a message that is sent: a datagram has at most 65,507 octets
 NUMBER_AT = 8  # octet of a message that `encode` makes at which its number is, of four
 KEY_AT = 5  # the same of SAC and SIC
@@ -156,12 +157,13 @@ class VideoDecoder:
         if joiner is None:
             self.tally.add(UNKNOWN_RADAR, self._where, f"SAC {key[0]}, SIC {key[1]}")
             return
-        far_m = message.duration_fs * HALF_LIGHT_M_FS * (message.first_cell + len(message.level))
+        cell_m, end = message.duration_fs * HALF_LIGHT_M_FS, message.first_cell + len(message.level)
         if not len(message.level):
             self.tally.add(EMPTY, self._where, f"SAC {key[0]}, SIC {key[1]}")
             return
-        if not 0.0 < far_m <= MOST_RANGE_M:
-            self.tally.add(ABSURD_RANGE, self._where, f"got {far_m:.0f} m, needed more than 0, at most {MOST_RANGE_M:.0f} m")
+        if cell_m < LEAST_CELL_M or cell_m * end > MOST_RANGE_M or end > 2 * MOST_CELLS:
+            most = f"at most {2 * MOST_CELLS}, {MOST_RANGE_M / 1e3:.0f} km"
+            self.tally.add(ABSURD_RANGE, self._where, f"got {end} of {cell_m:.3g} m, needed {LEAST_CELL_M} m or more, {most}")
             return
         state, before = joiner.state, self._senders.get(key)
         if before is not None and before.number != sender and heard_s - before.heard_s < SECOND_S:

@@ -67,14 +67,16 @@ class CfarExtraction(Method):
 
     def _detection(self, radar: VideoRadar, video: RadarVideo) -> Detection:
         background = kernels.video.background
-        guard = max(round(self.guard_m / video.cell_m), pulse_cells(radar, video))
+        cells = video.level.shape[1]  # no window is larger
+        pulse = min(pulse_cells(radar, video), cells)
+        guard = min(max(round(self.guard_m / video.cell_m), pulse), cells)
         rules = background.Rules(
             window_rad=float(np.radians(self.window_deg)),
             guard_rad=float(np.radians(self.guard_deg)),
             beam_rad=0.5 * radar.beam_rad,
-            window_cells=max(round(self.window_m / video.cell_m), guard + LEAST_GUARD),
+            window_cells=max(min(round(self.window_m / video.cell_m), cells), guard + LEAST_GUARD),
             guard_cells=guard,
-            pulse_cells=pulse_cells(radar, video),
+            pulse_cells=pulse,
             first_cell=max(int(np.ceil((radar.blind_m - video.first_m) / video.cell_m)), 0),
             block_cells=BLOCK_CELLS,
             threshold=self.threshold_db / radar.db_per_level,
