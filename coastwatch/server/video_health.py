@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,7 +22,7 @@ SECOND_SHOWN_S = 60.0  # for how long after it a second sender is shown
 class VideoHealth:
     """Of the radars of one feed."""
 
-    def __init__(self, radars: Mapping[str, VideoState]) -> None:
+    def __init__(self, radars: dict[str, VideoState]) -> None:
         """Args: radars: by name, kept up to date by the decoder."""
         self._radars = radars
         # By radar, of the last minute: when, spokes, and those lost with those of which a part did not come.
@@ -40,7 +40,8 @@ class VideoHealth:
 
     def states(self, now_s: float) -> list[RadarState]:
         """The radars as the API answers them."""
-        return [self._state(state, now_s) for _, state in sorted(dict(self._radars).items())]
+        radars = self._radars.copy()  # another thread adds some
+        return [self._state(radars[name], now_s) for name in sorted(radars)]
 
     def _state(self, s: VideoState, now_s: float) -> RadarState:
         looks = self._looks.get(s.name)
