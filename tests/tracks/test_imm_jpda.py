@@ -124,6 +124,22 @@ def test_what_is_too_uncertain_ends():
     assert 9 < gone < 28, "before its misses ended it"
 
 
+def test_old_repeated_and_odd_plots_do_no_harm(dense):
+    """Every plot twice, and a minute old; one that is no number; then a pause of an hour, after which no track is left."""
+    memory, out = run(LITERAL, dense, 12, SENSORS)
+    plots = cut(dense, 12)
+    old, odd = replace(plots, time_s=plots.time_s - 60.0), replace(plots.take(slice(0, 1)), position_m=np.full((1, 2), np.nan))
+    every = Plots.join([plots, old, plots, odd])
+    memory, found = LITERAL.step(memory, RegionInput.of_plots(every, 13 * PERIOD_S, SENSORS))
+    assert found.dropped == 1
+    assert np.isfinite(found.tracks.covariance).all()
+    assert np.isin(out[-1].track_id, found.tracks.track_id).mean() > 0.8
+    late = replace(plots, time_s=plots.time_s + 3600.0)
+    memory, found = LITERAL.step(memory, RegionInput.of_plots(late, 13 * PERIOD_S + 3600.0, SENSORS))
+    assert len(found.tracks) == 0
+    assert len(memory.tentative) > 0
+
+
 @pytest.mark.parametrize("method", [LITERAL, JPDA], ids=["literal", "imm_jpda"])
 def test_two_vessels_side_by_side_share_their_plots_and_keep_two_tracks(method):
     """Two vessels 40 m apart for a minute, with misses: shared plots make no third track, and none is lost."""

@@ -302,7 +302,7 @@ class ImmJpdaLiteral(Method):
         best = known.mode_probability.argmax(axis=1)
         place = known.state[np.arange(len(known)), best]
         near = np.hypot(*(place[:, :2] - batch.site_m).T) <= range_m
-        while True:
+        for _ in range(self.end_looks):  # with so many missed a track ends
             missed = np.flatnonzero(near & (known.looked_s[:, radar] < over))
             if not len(missed):
                 break

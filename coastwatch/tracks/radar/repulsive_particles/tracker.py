@@ -17,10 +17,12 @@ from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
+from coastwatch.tracks.radar.plot_batches import is_usable
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput
 from coastwatch.tracks.radar.report import Reported, report
 from coastwatch.tracks.radar.repulsive_particles.memory import TURN_RAD, Particles, ParticlesMemory, Window
 
+AHEAD_S = 5.0  # a plot stamped more than this after the cycle is dropped
 STREAM, STARTS = 91, 92  # of random numbers
 WIDEST_RAD = np.radians(30.0)  # half of the widest cloud that is looked at on time
 KEPT_RAD = 2.0 * WIDEST_RAD + np.radians(4.0)  # of spokes in the memory
@@ -102,7 +104,8 @@ class RepulsiveParticles(Method):
         if len(memory.site_m) != count or given.jumped.any():
             fresh = ParticlesMemory.empty(self.particles, count)
             memory = replace(fresh, next_filter=memory.next_filter, next_number=memory.next_number)
-        origin_deg = given.sensors.region_origin_deg[given.region]
+        origin_deg, good = given.sensors.region_origin_deg[given.region], is_usable(given.plots, given.time_s, AHEAD_S)
+        usable = given.plots.take(good)
         for video in given.video:
             if not len(video):
                 continue
@@ -113,12 +116,12 @@ class RepulsiveParticles(Method):
             window = (before or empty).with_spokes(video)
             period_s, range_m = float(radars.period_s[radar]), float(radars.range_m[radar])
             memory = self._looked(memory, window, radar, period_s, range_m)
-            plots = given.plots.take((given.plots.sensor == radar) & np.isfinite(given.plots.position_m).all(axis=1))
+            plots = usable.take(usable.sensor == radar)
             memory = self._begun(memory, window, radar, plots, period_s)
             memory = self._looked(memory, window, radar, period_s, range_m)
             memory = replace(memory, windows={**memory.windows, radar: window.newest(KEPT_RAD)})
         tracks = self._reported(memory, given)
-        return memory, RegionOutput(tracks, Measurements.empty(), StandingEchoes.empty(), 0)
+        return memory, RegionOutput(tracks, Measurements.empty(), StandingEchoes.empty(), int((~good).sum()))
 
     def _looked(self, memory: ParticlesMemory, window: Window, radar: int, period_s: float, range_m: float) -> ParticlesMemory:
         """The memory after all looks whose spokes have come, one after the other."""
