@@ -59,6 +59,7 @@ def test_the_report_has_the_printed_figures_beside_ours(made: tuple[report.Repro
     kept = made[0].folders[0].made[0].records[0]["scores"]["trackers"]
     assert len(kept["acquired"]["acquired"]) == 2 * 200
     assert picture_of(kept["scan"]).max() > 40
+    assert any("completeness" in sentence for sentence in made[0].failures), "acquisition takes 4 % of 300 s: exit code 4"
     numbers = json.loads(made[1].read_text("utf-8"))
     figure = next(
         f for f in numbers["scenarios"]["heymann-table-1"]["figures"] if f["name"] == "completeness, RMPF, one search"
