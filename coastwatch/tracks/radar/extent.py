@@ -18,7 +18,7 @@ LEAST_PLOTS = 5  # in the mean, before a size is given
 LENGTH_OF_MOMENT = 12.0
 WIDER, BEYOND_M = 1.15, 15.0  # a piece is inside so much more of the half axes, and so much beyond
 UNDER_WAY_M_S = KNOT_M_S  # a slower ship has an axis, but no heading
-LONGEST_M, IN_LINE_RAD, ALIKE_M_S = 460.0, np.radians(20.0), 1.5  # of two ends of one ship: no ship is longer
+LONGEST_M, IN_LINE_RAD, ALIKE_M_S = 460.0, np.radians(30.0), 1.5  # of two ends of one ship: no ship is longer
 GLINT = 0.1  # share of the second moment that is in the variance of a plot, as in `plots.video`
 
 
@@ -110,7 +110,7 @@ def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> Plots:
 
 
 def ends_of_one(hulls: Hulls, time_s: float) -> tuple[Ints, Ints]:
-    """Pairs of tracks that are the ends of one ship under way: in line with their axes, end to end, of one velocity. (A,), (A,)
+    """Pairs of tracks that are the ends of one ship under way: in line with their course, end to end, of one velocity. (A,), (A,)
 
     An end is in one pair at most. Ships that follow each other keep more distance than the 15 m and 0.15 lengths that are allowed
     between the ends; ships in berths may not, so that what is at rest is left as it is.
@@ -120,7 +120,7 @@ def ends_of_one(hulls: Hulls, time_s: float) -> tuple[Ints, Ints]:
         return moving[:0], moving[:0]
     from scipy.spatial import cKDTree
 
-    length, _, angle = axes(hulls.extent)
+    length = axes(hulls.extent)[0]
     at_m = hulls.state[:, :2] + (time_s - hulls.time_s)[:, None] * hulls.state[:, 2:]
     pairs = cKDTree(at_m[moving]).query_pairs(LONGEST_M, output_type="ndarray")
     one, other = moving[pairs].reshape(-1, 2).T
@@ -128,8 +128,8 @@ def ends_of_one(hulls: Hulls, time_s: float) -> tuple[Ints, Ints]:
     apart, line = np.hypot(off_m[:, 0], off_m[:, 1]), np.arctan2(off_m[:, 0], off_m[:, 1])
     half = 0.5 * (length[one] + length[other])
     fits = (apart <= WIDER * half + BEYOND_M) & (apart + half <= LONGEST_M)
-    for end in (one, other):
-        fits &= np.abs(np.sin(angle[end] - line)) <= np.sin(IN_LINE_RAD)
+    both = hulls.state[one, 2:] + hulls.state[other, 2:]
+    fits &= np.abs(np.sin(np.arctan2(both[:, 0], both[:, 1]) - line)) <= np.sin(IN_LINE_RAD)
     velocity = hulls.state[one, 2:] - hulls.state[other, 2:]
     fits &= np.hypot(velocity[:, 0], velocity[:, 1]) <= ALIKE_M_S
     one, other = one[fits], other[fits]
