@@ -48,6 +48,7 @@ SHORTENED: dict[str, dict[str, str]] = {
     "sagild-easy": SLOWER,
     "sagild-normal": SLOWER,
     "sagild-very-difficult": SLOWER,
+    "video-harbour": {"cycles": "40"},
     "solent": {"period_s": "15.0", "cycles": "110"},
 }
 """Settings of a quick form of scenarios that take longer. `busy-harbour` and `solent` failed after 1,125 s of their own time."""
