@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import Floats, Messages, RadarCorrections
+from coastwatch.batches import Floats, Messages, RadarCorrections, Rings
 from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, earth_centred, offset_deg, to_plane
 from coastwatch.regional import reports_of_regions, start_region, step_of_regions
@@ -160,9 +160,7 @@ def harbour(scenario: Scenario, seed: int) -> dict[str, float]:
     return out
 
 
-def _instant(
-    found: Floats, truth: Floats, length_m: Floats, land_deg: tuple[tuple[tuple[float, float], ...], ...]
-) -> dict[str, float]:
+def _instant(found: Floats, truth: Floats, length_m: Floats, land_deg: Rings) -> dict[str, float]:
     """One instant of a harbour. Args: found: (N, 2) deg; truth: (V, 2) deg; length_m: (V,)."""
     from scipy.optimize import linear_sum_assignment
 

@@ -56,8 +56,8 @@ class HullMiddle(Method):
         known = replace(known, heading_deg=known.heading_deg.copy(), heard_s=known.heard_s.copy())
         known.heading_deg[ship] = heading  # of equal rows the newest stays
         np.maximum.at(known.heard_s, ship, reports.received_s[mine])
-        sound = np.isfinite(heading)
-        mine, ship, heading = mine[sound], ship[sound], heading[sound]
+        has_heading = np.isfinite(heading)
+        mine, ship, heading = mine[has_heading], ship[has_heading], heading[has_heading]
         share = np.clip((reports.received_s[mine] - known.since_s[ship]) / self.ramp_s, 0.0, 1.0)
         sine, cosine = np.sin(np.radians(heading)), np.cos(np.radians(heading))
         ahead, starboard = share * known.ahead_m[ship], share * known.starboard_m[ship]

@@ -74,8 +74,11 @@ def echoes_of(extent: Floats, beam_m: Floats, velocity_m_s: Floats) -> Echoes:
     backwards = np.abs(wrap_rad(angle - course)) > 0.5 * np.pi
     turned = np.where(speed > UNDER_WAY_M_S, np.degrees(angle) + np.where(backwards, 180.0, 0.0), np.degrees(angle) % 180.0)
     known = length > beam_m  # not where either is not a number
-    given = (np.where(known, value, np.nan) for value in (length, np.where(width > 0.0, width, np.nan), turned % 360.0))
-    return Echoes(*given)
+    return Echoes(
+        np.where(known, length, np.nan),
+        np.where(known & (width > 0.0), width, np.nan),
+        np.where(known, turned % 360.0, np.nan),
+    )
 
 
 def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> Plots:
@@ -134,7 +137,7 @@ def ends_of_one(hulls: Hulls, time_s: float) -> tuple[Ints, Ints]:
     fits &= np.hypot(velocity[:, 0], velocity[:, 1]) <= ALIKE_M_S
     one, other = one[fits], other[fits]
     order = np.lexsort((other, one))
-    one, other, taken, kept = one[order], other[order], set[int](), []
+    one, other, taken, kept = one[order], other[order], set[int](), list[int]()
     for k, (first, second) in enumerate(zip(one.tolist(), other.tolist(), strict=True)):  # few: ships in pieces
         if first not in taken and second not in taken:
             taken |= {first, second}
@@ -189,7 +192,8 @@ def _sums(pieces: Plots, group: Ints, first: Bools) -> Plots:
     share = pieces.weight / np.bincount(group, pieces.weight)[group]
 
     def mean(values: Floats) -> Floats:
-        return np.add.reduceat(values * share.reshape(-1, *[1] * (values.ndim - 1)), np.flatnonzero(first))
+        weighed = values * share.reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray(np.add.reduceat(weighed, np.flatnonzero(first)))
 
     turned = wrap_rad(pieces.azimuth_rad - pieces.azimuth_rad[first][group])
     middle = mean(pieces.position_m)

@@ -62,13 +62,14 @@ def report(now: Estimates, reported: Reported, radars: RadarColumns, time_s: flo
 def _echoes(now: Estimates, reported: Reported, velocity_m_s: Floats, latitude: float, longitude: float) -> Echoes:
     """Size and axis of the ships by their echoes. (N,) Args: velocity_m_s: (N, 2); latitude, longitude: of the plane's origin."""
     known = np.flatnonzero(np.isfinite(reported.extent[:, 0]))
-    every = np.full((3, len(reported.number)), np.nan)
+    length, width, axis = np.full((3, len(reported.number)), np.nan)
     if len(known):
         moments = reported.extent[known][:, [[0, 1], [1, 2]]]
         _, turned = kernels.tracks.report.geodetic_points(now.mean[known, :2].copy(), moments, latitude, longitude)
         extent = turned.reshape(-1, 4)[:, [0, 1, 3]]
-        every[:, known] = echoes_of(extent, reported.beam_m[known], velocity_m_s[known])
-    return Echoes(*every)
+        found = echoes_of(extent, reported.beam_m[known], velocity_m_s[known])
+        length[known], width[known], axis[known] = found
+    return Echoes(length, width, axis)
 
 
 def report_decided(decided: Decided, sensors: Sensors, region: int) -> DecidedPath:
