@@ -162,7 +162,8 @@ def _children(
     children, time_s = leaves.take(leaf[pair]), messages.time_s[message[pair]]
     after = Filters(*(np.ascontiguousarray(column[pair]) for column in heard.filters))
     updated_s = np.maximum(children.updated_s, time_s)
-    estimates = Estimates(updated_s, *(np.empty_like(column) for column in children.estimates[1:]))
+    before = children.estimates
+    estimates = Estimates(updated_s, before.mean.copy(), before.covariance.copy(), before.noise.copy())
     kernels.filters.imm.combine_filters(tuple(after), estimates, np.arange(len(pair)), parts.bank.models)
     mean, covariance = kernels.filters.imm.estimate_filters(*(column[pair] for column in heard.predicted))
     mean, covariance = np.ascontiguousarray(mean[:, :4]), np.ascontiguousarray(covariance[:, :4, :4])
