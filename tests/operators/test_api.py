@@ -164,6 +164,9 @@ def test_details_have_a_tag_and_one_vessel_says_why(served: Served) -> None:
     assert len(one["associations"]) == len(one["history"]) == 3
     path = served.get("/api/v1/vessels/2/history?from=2025-06-15T15:06:44Z").json()
     assert [row["cycle"] for row in path["history"]] == [1, 2]
+    assert one["decided"] == []
+    assert served.get("/api/v1/vessels/2/decided?limit=5").json() == {"vessel_id": 2, "total": 0, "decided": []}
+    assert served.get("/api/v1/vessels/77777/decided").status_code == 404
 
 
 def test_health_metrics_and_lists(served: Served) -> None:
