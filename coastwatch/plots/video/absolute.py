@@ -43,7 +43,7 @@ class AbsoluteExtraction(Method):
 
     def summary(self, memory: ExtractionMemory, given: ExtractionInput, plots: RadarReports) -> Extractions:
         """As of `extractions`. The threshold is a level, and no decibels."""
-        return extractions(memory, given, plots, lambda *_: float("nan"))
+        return extractions(given, plots, lambda _: float("nan"))
 
     def _detection(self, radar: VideoRadar, video: RadarVideo) -> Detection:
         background = kernels.video.background

@@ -55,7 +55,7 @@ class CfarExtraction(Method):
 
     def summary(self, memory: ExtractionMemory, given: ExtractionInput, plots: RadarReports) -> Extractions:
         """As of `extractions`."""
-        return extractions(memory, given, plots, self._threshold_db)
+        return extractions(given, plots, lambda radar: self._threshold_db(memory.radars[radar.number], radar))
 
     def _threshold_db(self, spokes: SpokeMemory, radar: VideoRadar) -> float:
         """The median of what is detected over the background."""

@@ -6,7 +6,7 @@ Memory is as long as the window of azimuths, never a turn. The plots of a stream
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -95,11 +95,30 @@ BY_SPOKE = ("level", "clipped", "angle", "step", "azimuth", "time_s", "received_
 LEARNT = ("background", "square", "level_sum", "square_sum", "cells", "sector")
 
 
+@dataclass(frozen=True, eq=False)
+class PictureMemory(Struct):
+    """The picture of the turn of one radar that is under way, at one range scale. Columns by azimuth are even parts of the turn."""
+
+    first_m: float
+    cell_m: float
+    bits: int  # of a cell
+    cells: int  # of a spoke
+    turn: int  # whole turns before
+    lit_to: float  # angle up to which the picture is painted, as of `kernels.video.spokes.unwrapped`; NaN: nothing is
+    angle_before: Floats = column(np.float64, 3)  # as of `kernels.video.spokes.unwrapped`
+    mask_deg: Floats = column(np.float64, 2)  # where the antenna was when the mask was made
+    picture: Array = column(np.uint8, "P", "P")  # north up, the antenna in the middle; 0 where nothing is painted
+    time_s: Floats = column(np.float64, "A")  # of the beam; NaN: no spoke came
+    site_deg: Floats = column(np.float64, "A", 2)
+    vessel_m: Floats = column(np.float64, "A", "V")
+
+
 @dataclass(frozen=True)
 class ExtractionMemory:
-    """What is kept of each radar that sends video, by its number."""
+    """What is kept of each radar that sends video, by its number: spokes or a picture, as the method looks at them."""
 
     radars: dict[int, SpokeMemory]
+    pictures: dict[int, PictureMemory] = field(default_factory=dict)
 
 
 class VideoRadar(NamedTuple):
@@ -160,18 +179,13 @@ def extracted(
     return ExtractionMemory(radars), together.take(np.argsort(together.received_s, kind="stable"))
 
 
-def extractions(
-    memory: ExtractionMemory,
-    given: ExtractionInput,
-    plots: RadarReports,
-    threshold_db: Callable[[SpokeMemory, VideoRadar], float],
-) -> Extractions:
-    """What was made of the video of a cycle. Args: memory, plots: after the step; threshold_db: of a radar, NaN: not known."""
+def extractions(given: ExtractionInput, plots: RadarReports, threshold_db: Callable[[VideoRadar], float]) -> Extractions:
+    """What was made of the video of a cycle. Args: plots: of the step; threshold_db: of a radar, NaN: not known."""
     radar = sorted({video.sensor for video in given.video.parts})
     return Extractions(
         radar=np.array(radar, np.int64),
         plots=np.array([(plots.sensor == number).sum() for number in radar], np.int64),
-        threshold_db=np.array([threshold_db(memory.radars[k], VideoRadar.of(given.sensors, k)) for k in radar], np.float64),
+        threshold_db=np.array([threshold_db(VideoRadar.of(given.sensors, number)) for number in radar], np.float64),
     )
 
 
@@ -215,8 +229,8 @@ def _appended(m: SpokeMemory, video: RadarVideo, radar: VideoRadar, detection: D
     angle, step, kept = kernels.video.spokes.unwrapped(video.azimuth_rad, before, radar.beam_rad)
     if not kept.all():
         video, angle, step = video.take(kept), angle[kept], step[kept]
-    level = _levels(video.level, radar)
-    mask_deg, clipped = _masked(m.mask_deg, video, radar, detection.masks)
+    level = in_decibels(video.level, radar)
+    mask_deg, clipped = masked(m.mask_deg, video, radar, detection.masks)
     new = {
         "level": level,
         "clipped": clipped,
@@ -232,7 +246,7 @@ def _appended(m: SpokeMemory, video: RadarVideo, radar: VideoRadar, detection: D
     return replace(m, angle_before=before, mask_deg=mask_deg, **rows)
 
 
-def _levels(level: Array, radar: VideoRadar) -> Array:
+def in_decibels(level: Array, radar: VideoRadar) -> Array:
     """Levels in steps of decibels, also of linear video. (S, C)"""
     if not radar.is_linear:
         return level
@@ -247,7 +261,9 @@ def over_background(memory: ExtractionMemory, given: ExtractionInput) -> tuple[R
     """
     out = []
     for video in given.video.parts:
-        known, radar = memory.radars[video.sensor], VideoRadar.of(given.sensors, video.sensor)
+        known, radar = memory.radars.get(video.sensor), VideoRadar.of(given.sensors, video.sensor)
+        if known is None:  # a method that learns none
+            known = _no_spokes(video)
         sectors, cells = len(known.background), video.level.shape[1]
         if cells != known.level.shape[1]:  # of a range scale that has changed since
             continue
@@ -256,7 +272,7 @@ def over_background(memory: ExtractionMemory, given: ExtractionInput) -> tuple[R
         for first in range(0, len(video), MOST_SPOKES // 8):  # some at a time: it bounds memory
             some = slice(first, first + MOST_SPOKES // 8)
             background = np.repeat(known.background[sector[some]], BLOCK_CELLS, axis=1)[:, :cells]
-            over = (_levels(video.level[some], radar) - background) * np.float32(2.0 * radar.db_per_level)
+            over = (in_decibels(video.level[some], radar) - background) * np.float32(2.0 * radar.db_per_level)
             half_db[some] = np.clip(np.nan_to_num(over), LEAST_HALF_DB, MOST_HALF_DB)
         out.append(
             RadarExcess(
@@ -266,7 +282,7 @@ def over_background(memory: ExtractionMemory, given: ExtractionInput) -> tuple[R
     return tuple(out)
 
 
-def _masked(mask_deg: Floats, video: RadarVideo, radar: VideoRadar, masks: Masks) -> tuple[Floats, Array]:
+def masked(mask_deg: Floats, video: RadarVideo, radar: VideoRadar, masks: Masks) -> tuple[Floats, Array]:
     """Where the antenna was when the mask was made, and the mask of each spoke, with what did not come. (2,), (S, C)"""
     clipped, sectors = np.zeros(video.level.shape, np.uint8), masks.of(radar.name)
     land_deg = (*radar.land_deg, *masks.land_deg)
@@ -343,7 +359,7 @@ def _plots(echo: Array, released: Ints, m: SpokeMemory, radar: VideoRadar, windo
         range_m=range_m,
         azimuth_deg=np.degrees((echo["first_azimuth"] + turned) % TURN_RAD),
         site_deg=m.site_deg[row],
-        origin=_origin(range_m, m.vessel_m[row]),
+        origin=origin_of(range_m, m.vessel_m[row]),
         range_sigma_m=sigma_m,
         azimuth_sigma_deg=np.degrees(sigma_rad),
         extent=np.column_stack([ship_r, range_m * both, range_m**2 * ship_a]),
@@ -351,7 +367,7 @@ def _plots(echo: Array, released: Ints, m: SpokeMemory, radar: VideoRadar, windo
     )
 
 
-def _origin(range_m: Floats, vessel_m: Floats) -> Ints:
+def origin_of(range_m: Floats, vessel_m: Floats) -> Ints:
     """The true vessel of each plot, -1: none. (F,) Args: vessel_m: (F, V) ranges of true vessels there, NaN: not there."""
     if not vessel_m.shape[1]:
         return np.full(len(range_m), -1)
