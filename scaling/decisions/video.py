@@ -85,8 +85,10 @@ def plots(scenario: Scenario, seed: int, turns: int, every: int) -> dict[str, fl
                 off = mine.range_m[0] - float(np.hypot(*at))
                 turned = float(wrap_rad(np.radians(mine.azimuth_deg[0]) - np.arctan2(at[0], at[1])))
                 sigma = float(mine.range_sigma_m[0]), float(np.radians(mine.azimuth_sigma_deg[0]))
-                rows.append((off, np.degrees(turned), (off / sigma[0]) ** 2, (turned / sigma[1]) ** 2))
-        e = np.array(rows)
+                apart = float(np.hypot(off, mine.range_m[0] * turned))
+                rows.append((off, np.degrees(turned), (off / sigma[0]) ** 2, (turned / sigma[1]) ** 2, apart))
+        e = np.array(rows or [[np.nan] * 5])
+        out |= {f"{name}_error_m": np.sqrt(np.square(e[:, 4]).mean())}
         out |= {f"{name}_detected": len(rows) / looks, f"{name}_bias_m": e[:, 0].mean(), f"{name}_sigma_m": e[:, 0].std()}
         out |= {f"{name}_bias_deg": e[:, 1].mean(), f"{name}_sigma_deg": e[:, 1].std()}
         out |= {f"{name}_square_range": e[:, 2].mean(), f"{name}_square_azimuth": e[:, 3].mean()}
