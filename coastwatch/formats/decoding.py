@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from coastwatch.batches import Bools, Floats, Ints, Reports, limits
+from coastwatch.batches import Bools, Floats, Ints, RadarVideo, Reports, limits
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
@@ -50,6 +50,7 @@ class FeedSettings:
     number: int = 0  # among the feeds of its format
     checked: bool = True  # stamps are judged by the clock of this machine
     sender_name: Callable[[int], str] = str  # of the sender of this number, for operators
+    on_video: Callable[[RadarVideo], None] = lambda video: None  # is given spokes as they come, before their cycle
 
 
 @dataclass

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Self, TypeVar
 
 from coastwatch import store
-from coastwatch.batches import Fault, Sensors
+from coastwatch.batches import Fault, Sensors, Videos
 from coastwatch.cycle import LEFT_OUT
 from coastwatch.errors import StoreError
 from coastwatch.scenario import Scenario
@@ -101,9 +101,12 @@ class LiveRun:
         workers: int | None = None,
         resume: bool = True,
         publisher: Publisher | None = None,
+        on_video: Callable[[Videos], None] | None = None,
         restart_wait_s: Sequence[float] = RESTART_WAIT_S,
     ) -> None:
-        """Args: resume: go on with the last run of this scenario, if it ended a short time ago; publisher: of a region's tracks."""
+        """Args: resume: go on with the last run of this scenario, if it ended a short time ago; publisher: of a region's tracks;
+        on_video: is given the radar video of each cycle.
+        """
         self.stop = threading.Event()
         self.scenario = scenario.model_copy(update={"store": scenario.store.of_live_run()})
         self.alarms = AlarmBook()
@@ -114,7 +117,7 @@ class LiveRun:
         self.failed = False
         self.on_failed: Callable[[], None] = lambda: None  # called in the thread of the run when it has failed for good
         self.source, self._on_picture, self._statics = source, on_picture, Statics()
-        self._publisher = publisher
+        self._publisher, self._on_video = publisher, on_video
         self._resume, self._restart_wait_s = resume, tuple(restart_wait_s)
         self._database, self._workers = database, workers
         self._status: str | None = "starting"
@@ -278,6 +281,8 @@ class LiveRun:
             self._statics = without_absent(self._statics, cycle.picture.mmsi)
         self.alarms.apply(cycle.events)
         self._plots.note(cycle, self._sensors)
+        if self._on_video is not None:
+            self._on_video(done.reports.video)
         self._left_out |= {stage: (count, clock.now_s()) for stage, count in cycle.left_out.items()}
         self.seconds, self._status = done.seconds, None
         self._on_picture(of_cycle(done.run_id, done.number, cycle, self._sensors, self._statics))

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 
 import httpx2 as httpx
@@ -24,6 +25,7 @@ from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import of_file, of_scenario, send
 from coastwatch.server.live import LiveRun
+from coastwatch.server.live_video import LiveVideo, Sector
 
 pytestmark = pytest.mark.whole
 
@@ -47,6 +49,19 @@ def sent(scenario: Scenario, port: int) -> Iterator[dict[str, int]]:
         thread.join()
 
 
+def check_levels(scenario: Scenario, sector: Sector) -> None:
+    """That a sector has the levels of the simulation, from 0 to 15: two rows a spoke, two columns a cell."""
+    plan, period_s = scenario.plan(), 2.4
+    begun_s = plan.start_s + (sector.time_s - plan.start_s) // period_s * period_s
+    stream = scenario.input.load(scenario.sensors(), scenario.seed, plan).reports
+    (turn,) = stream.between(begun_s - 1e-3, begun_s + period_s - 1e-3).video.parts
+    sent = turn.level[sector.place * 32 : sector.place * 32 + 32].repeat(2, axis=0).repeat(2, axis=1)
+    found = sector.levels()
+    spans = [(sent[found == level].min(), sent[found == level].max()) for level in np.unique(found)]
+    assert len(spans) >= 3
+    assert all(before[1] < after[0] for before, after in pairwise(spans))
+
+
 def test_a_recording_is_sent_again_as_it_is_at_any_speed(tmp_path: Path) -> None:
     items = arrivals(messages(turns=0.5))
     path = captured(tmp_path / "x.pcap", items)
@@ -59,12 +74,17 @@ def test_a_recording_is_sent_again_as_it_is_at_any_speed(tmp_path: Path) -> None
         assert [data for _, data, _ in source._receiver.inboxes[0].pop_first(1000)] == [data for _, data, _ in items]
 
 
-def test_video_that_is_sent_over_a_group_is_served_as_tracks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_video_that_is_sent_over_a_group_is_served_as_tracks(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("coastwatch.server.live_video.LOOKED_S", 1e9)  # kernels may be compiled for minutes
     url, scenario = f"sqlite:///{tmp_path / 'live.db'}", load_scenario("heymann-table-1", SMALL)
     address = parsed(f"video+udp://{GROUP}:0?interface=127.0.0.1&25/1=radar&date=2016-06-01")
+    video = LiveVideo(scenario.sensors().radars)
+    video.ask([0])
     with (
         store.open_store(url) as opened,
-        LiveInput([address], scenario.sensors(), clock="feeds") as source,
+        LiveInput([address], scenario.sensors(), clock="feeds", on_video=video.take) as source,
     ):
         service = Service(opened)
         run = LiveRun(scenario, source, service.receive, database=url, workers=1)
@@ -73,6 +93,7 @@ def test_video_that_is_sent_over_a_group_is_served_as_tracks(tmp_path: Path, cap
             wait_for(lambda: service.hub.picture is not None and len(service.picture()) >= 2, 300.0)
             picture = service.picture()
             wait_for(lambda: run.cycles >= 6, 60.0)
+            sectors = video.turn(0) or ()
             (feed,) = httpx.get(f"http://{where}/api/v1/feeds").json()["feeds"]
             said = httpx.get(f"http://{where}/metrics").text
             assert main(["sensors", "--video", f"http://{where}", "--format", "csv"]) == 0
@@ -82,6 +103,9 @@ def test_video_that_is_sent_over_a_group_is_served_as_tracks(tmp_path: Path, cap
     true_deg = truth.at(picture.time_s).position_deg
     off_m = [np.hypot(*to_plane(picture.positions_deg(), one).T).min() for one in true_deg]
     assert max(off_m) < 60.0
+    for sector in sectors:
+        check_levels(scenario, sector)
+    assert len(sectors) == 16
     assert (feed["late"], feed["refused"], feed["dropped"]) == (0, 0, 0)
     assert feed["records"] >= 4 * 512
     (table,) = csv.DictReader(capsys.readouterr().out.splitlines())

@@ -180,7 +180,9 @@ class VideoDecoder:
     def _collect(self, *, all_of_them: bool) -> None:
         """Take what the radars have completed. Args: as of `SpokeJoiner.take`."""
         for joiner in self._joiners.values():
-            self._videos += joiner.take(all_of_them=all_of_them)
+            for video in joiner.take(all_of_them=all_of_them):
+                self._feed.on_video(video)
+                self._videos.append(video)
         further = sum(joiner.state.messages - joiner.state.spokes - joiner.waiting for joiner in self._joiners.values())
         if further:
             self.counts.ledger.beside[FURTHER_PARTS] = further

@@ -11,12 +11,12 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Literal, Self
 
-from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors, TrackReports
+from coastwatch.batches import Fault, FileContent, RadarVideo, Recording, Reports, Sensors, TrackReports
 from coastwatch.errors import AddressError
 from coastwatch.formats.asterix.video_feed import VIDEO
 from coastwatch.formats.decoding import BEFORE_RUN, DROPPED, FAR_AHEAD_S, LATE, Decoder, Item, OptionError, decode
@@ -140,8 +140,9 @@ class LiveInput:
         regions: Sequence[RegionAddress] = (),
         clock: Clock = "wall",
         lateness_s: float = 2.0,
+        on_video: Callable[[RadarVideo], None] = lambda video: None,
     ) -> None:
-        """Args: regions: each is the track source of its name. Raises: AddressError."""
+        """Args: regions: each is the track source of its name; on_video: as of `FeedSettings`. Raises: AddressError."""
         self._clock, self._lateness_s = clock, lateness_s
         self._addresses, self._regions = regions, list[RegionIntake]()
         self._sources = {str(name): number for number, name in enumerate(sensors.track_sources.name)}
@@ -150,7 +151,7 @@ class LiveInput:
         self._period_s, self._decoded_s = 0.0, now_s()  # of a cycle; when decoding ended last
         self._receiver = Receiver(addresses)
         feeds = [
-            (address.format, replace(address.settings(clock == "wall"), sender_name=inbox.sender_name))
+            (address.format, replace(address.settings(clock == "wall"), sender_name=inbox.sender_name, on_video=on_video))
             for address, inbox in zip(addresses, self._receiver.inboxes, strict=True)
         ]
         try:
