@@ -15,7 +15,7 @@ from starlette.middleware.gzip import GZipMiddleware
 from starlette.staticfiles import StaticFiles
 
 from coastwatch.errors import InputError, StoreError
-from coastwatch.operators.api import answers, validation, webhooks, zones
+from coastwatch.operators.api import answers, validation, video_stream, webhooks, zones
 from coastwatch.operators.api.alarm_stream import AlarmStream
 from coastwatch.operators.api.answers import In
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard, methods_of
@@ -76,7 +76,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     )
     app.state.service, app.state.guard, app.state.alarms = service, guard, alarms
     app.state.stopping = lambda: False
-    for routes in (answers.router, zones.router, router):
+    for routes in (answers.router, zones.router, video_stream.router, router):
         app.include_router(routes)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
     app.add_middleware(guard.middleware, metrics=service.metrics, audit=service.audit)
@@ -135,6 +135,14 @@ async def stream(
     protocol = spoken(socket.scope.get("subprotocols", []))
     await socket.accept(subprotocol=protocol)
     await socket.app.state.service.hub.serve(socket, run, seq, VERSIONS[protocol or PROTOCOL])
+
+
+@router.websocket("/api/v1/video/stream")
+async def video(
+    socket: WebSocket, run: Annotated[int, Query(ge=0, lt=2**32)] = 0, seq: Annotated[int, Query(ge=0, lt=2**32)] = 0
+) -> None:
+    """Sectors of radar video. Args: run, seq: of the last sector that the viewer has."""
+    await video_stream.serve_video(socket, socket.app.state.service.video, run, seq)
 
 
 @router.websocket(PATH)

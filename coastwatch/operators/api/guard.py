@@ -29,7 +29,6 @@ from coastwatch.operators.api.bounds import LARGEST_BODY, too_large
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.operators.api.proxy import TrustedProxy
 from coastwatch.operators.api.tokens import FILES_A_SECOND, FILES_AT_ONCE, Limits, Person, Tokens
-from coastwatch.operators.api.wire import spoken
 from coastwatch.server.troubles import Trouble
 
 LOG = logging.getLogger("coastwatch.serve")
@@ -278,7 +277,7 @@ class _Middleware:
             if not _is_before_sign_in(scope):
                 _warn_of_socket(scope, code)
             offered = scope.get("subprotocols", [])  # closed before it is accepted, the page could not read the code
-            await socket.accept(subprotocol=spoken(offered))
+            await socket.accept(subprotocol=next((name for name in offered if not name.startswith(BEARER)), None))
             await socket.close(code)
             return
         with self._counted("sockets", person.name):

@@ -24,6 +24,7 @@ from coastwatch.server.feeds.outgoing import OutFeed
 from coastwatch.server.link import FeedState
 from coastwatch.server.live import RunAbout
 from coastwatch.server.live_picture import LivePicture
+from coastwatch.server.live_video import LiveVideo
 from coastwatch.server.live_writer import NotYetStored
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import version
@@ -114,6 +115,7 @@ class Service:
     hub: Hub = field(init=False)
     audit: Audit = field(init=False)
     publisher: Publisher | None = None  # of a region's tracks
+    video: LiveVideo | None = None  # of the radars of a live run
     outs: Sequence[OutFeed] = ()  # to which each picture is sent
     journals: Sequence[Counted] = ()  # to which the tracks of this region are published
     webhooks: Sequence[WebHook] = ()  # to which alarms are sent

@@ -41,6 +41,7 @@ from coastwatch.server.follow import POLL_S, Follower
 from coastwatch.server.input import Input, Paced
 from coastwatch.server.link import FeedState, notice_loss
 from coastwatch.server.live import LiveRun
+from coastwatch.server.live_video import LiveVideo
 from coastwatch.server.regions.client import RegionAddress, check_files, parsed_region
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.regions.scenario import of_centre, with_track_sources
@@ -160,9 +161,13 @@ def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.so
         raise InputError(f"--role region: got {name!r} without radars, needed a scenario with at least one")
     with open_store(options.db, limit=QUERY) as opened, ExitStack() as stack:
         service = Service(opened, publisher=Publisher(opened) if options.role == "region" else None)
+        sensors = scenario.sensors()
+        video = service.video = LiveVideo(sensors.radars)
         source: Input = Paced(options.speed)
         if live:
-            source = LiveInput(feeds, scenario.sensors(), regions=regions, clock=options.clock, lateness_s=options.lateness)
+            source = LiveInput(
+                feeds, sensors, regions=regions, clock=options.clock, lateness_s=options.lateness, on_video=video.take
+            )
             stack.enter_context(source)
             for text in source.dateless:
                 logs.LOG.warning(
@@ -176,6 +181,7 @@ def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.so
             workers=options.workers,
             resume=live and not options.new,
             publisher=service.publisher,
+            on_video=None if live else video.take_all,  # live feeds give it before the cycle
         )
         service.source, run.on_failed = run, lambda: service.end()
         service.asked.append(run.left_alarms)
