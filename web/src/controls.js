@@ -9,8 +9,10 @@ import { keepView, showView } from './views.js';
 
 const LAYER_NAMES = {
   labels: 'Names', vectors: 'Course vectors', outlines: 'Outlines by radar', ellipses: 'Ellipses (2σ)', trail: 'Trail, bearings of the selected',
-  cover: 'Sensors and their range', zones: 'Zones',
+  cover: 'Sensors and their range', zones: 'Zones', video: 'Radar video',
 };
+
+const VIDEO = ['gain', 'afterglow'];
 
 /** Fills the drawer of layers and filters and keeps it in step with the state. */
 export function makeControls(app) {
@@ -33,6 +35,13 @@ export function makeControls(app) {
     state.minutes = Number(event.target.value);
     app.layersChanged();
   });
+  for (const name of VIDEO) {
+    byId(name).value = state[name];
+    byId(name).addEventListener('input', (event) => {
+      state[name] = event.target.valueAsNumber;
+      app.layersChanged();
+    });
+  }
   fill(byId('filter-type'), option('', 'all', state.filter.type), CLASSES.map((name) => option(name, name, state.filter.type)));
   showFilter(state.filter);
   byId('filters').addEventListener('input', () => {
@@ -50,6 +59,7 @@ export function makeControls(app) {
 export function showControls(state) {
   byId('theme').value = state.theme;
   byId('minutes').value = state.minutes;
+  for (const name of VIDEO) byId(name).value = state[name];
   for (const box of byId('layers').querySelectorAll('input')) box.checked = state.layers.has(box.name);
   showFilter(state.filter);
 }

@@ -15,6 +15,14 @@ export function mercatorY(lat) {
   return 0.5 - Math.log((1 + sine) / (1 - sine)) / (4 * Math.PI);
 }
 
+/** Radii of curvature of the ellipsoid WGS 84 at a latitude, in metres: along the parallel's plane and along the meridian. */
+export function radii(lat) {
+  const flattening = 1 / 298.257223563;
+  const eccentricity2 = flattening * (2 - flattening);
+  const w2 = 1 - eccentricity2 * Math.sin(lat * RAD) ** 2;
+  return { east: 6378137 / Math.sqrt(w2), north: (6378137 * (1 - eccentricity2)) / w2 ** 1.5 };
+}
+
 /** Longitude, brought into -180 to 180. */
 export const wrapped = (lon) => ((((lon + 180) % 360) + 360) % 360) - 180;
 

@@ -5,18 +5,21 @@ import { RefusedFrame, SUBPROTOCOLS } from './wire.js';
 const FIRST_WAIT_MS = 250;
 const LONGEST_WAIT_MS = 8000;
 const SILENCE_MS = 30000; // the server sends a heartbeat each 10 s
-const TOKEN_NEEDED = 4401;
+/** Close codes after which it is not tried again, and what is told. */
+const FINAL = { 4401: 'token', 4404: 'none' };
 
 /**
  * Follows a server until stopped.
  * @param {string} url of the WebSocket, without query
- * @param {import('./wire.js').Picture} picture written by each frame
- * @param {{frame: (changed: number, bytes: number, ms: number) => void, state: (name: 'waiting'|'open'|'lost'|'token') => void,
- *   refused?: (reason: string) => void, Socket?: typeof WebSocket, silence_ms?: number}} told
- *   `changed`: rows, -1 for a heartbeat; `waiting`: connected, before a frame has come; `silence_ms`: then the network is gone
- * @returns {{stop: () => void, retry: () => void}}
+ * @param {import('./wire.js').Picture | import('./video.js').VideoPicture} picture written by each frame
+ * @param {{frame: (changed: number, bytes: number, ms: number) => void, state: (name: 'waiting'|'open'|'lost'|'token'|'none') => void,
+ *   refused?: (reason: string) => void, protocols?: string[], Socket?: typeof WebSocket, silence_ms?: number}} told
+ *   `changed`: rows, -1 for a heartbeat; `waiting`: connected, before a frame has come; `none`: there is nothing to follow; `silence_ms`: then the network is gone
+ * @returns {{stop: () => void, retry: () => void, send: (text: string) => void}}
  */
-export function follow(url, picture, { frame, state, refused = () => {}, Socket = globalThis.WebSocket, silence_ms = SILENCE_MS }) {
+export function follow(url, picture, {
+  frame, state, refused = () => {}, protocols = SUBPROTOCOLS, Socket = globalThis.WebSocket, silence_ms = SILENCE_MS,
+}) {
   let wait = FIRST_WAIT_MS;
   let resume = false;
   let socket;
@@ -42,7 +45,7 @@ export function follow(url, picture, { frame, state, refused = () => {}, Socket 
   };
   const open = () => {
     const query = resume ? `?run=${picture.run}&seq=${picture.seq}` : '';
-    const mine = new Socket(url + query, SUBPROTOCOLS);
+    const mine = new Socket(url + query, protocols);
     socket = mine;
     mine.binaryType = 'arraybuffer';
     heard();
@@ -66,9 +69,9 @@ export function follow(url, picture, { frame, state, refused = () => {}, Socket 
     };
     mine.onclose = ({ code }) => {
       if (mine !== socket) return;
-      if (code === TOKEN_NEEDED) {
+      if (FINAL[code]) {
         clearTimeout(silence);
-        state('token');
+        state(FINAL[code]);
         return;
       }
       later();
@@ -84,6 +87,7 @@ export function follow(url, picture, { frame, state, refused = () => {}, Socket 
   open();
   return {
     stop,
+    send: (text) => socket?.send(text),
     retry() {
       stop();
       wait = FIRST_WAIT_MS;

@@ -18,6 +18,7 @@ import { PointsLayer } from './points.js';
 import { Replay } from './replay.js';
 import { DRAWERS, fromQuery, toQuery } from './state.js';
 import { STROKE_PX, THEMES } from './symbols.js';
+import { Video } from './video.js';
 import { Picture, secondsOf } from './wire.js';
 import { Zones } from './zones.js';
 
@@ -97,6 +98,7 @@ class App {
     this.alarms = new Alarms(this);
     this.replay = new Replay(this);
     this.zones = new Zones(this);
+    this.video = new Video(this);
     makeControls(this);
     listenToKeys(this);
     this.#buttons();
@@ -146,6 +148,7 @@ class App {
     this.software = drawsInSoftware(map);
     if (this.software) map.setPixelRatio(SOFTWARE_PIXELS);
     this.points.setTheme(this.theme(), STROKE_PX[this.state.theme]);
+    map.addLayer(this.video.layer, 'zones');
     map.addLayer(this.points);
     this.themeChanged();
     this.points.size = sizeAt(map);
@@ -274,6 +277,7 @@ class App {
 
   layersChanged() {
     this.zones.show();
+    this.video.update();
     this.stateChanged();
   }
 
@@ -281,7 +285,7 @@ class App {
     paintPage(this.state.theme);
     paintChart(this.map, this.state.theme);
     this.points.setTheme(this.theme(), STROKE_PX[this.state.theme]);
-    this.map.triggerRepaint();
+    this.video.update();
     this.stateChanged();
   }
 
@@ -300,6 +304,7 @@ class App {
   modeChanged() {
     this.pictureChanged();
     this.zones.show();
+    this.video.update();
     this.alarms.update();
     this.panel.refresh();
     this.stateChanged();

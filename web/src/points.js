@@ -213,7 +213,7 @@ export class PointsLayer {
 }
 
 /** A linked program. Throws the log of the compiler. */
-function linked(gl, vertex, fragment) {
+export function linked(gl, vertex, fragment) {
   const program = gl.createProgram();
   for (const [type, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
     const shader = gl.createShader(type);

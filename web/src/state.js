@@ -3,7 +3,7 @@
 import { CLASSES } from './formats.js';
 import { LIST_COLUMNS, NO_FILTER } from './filters.js';
 
-export const LAYERS = ['labels', 'vectors', 'outlines', 'ellipses', 'trail', 'cover', 'zones'];
+export const LAYERS = ['labels', 'vectors', 'outlines', 'ellipses', 'trail', 'cover', 'zones', 'video'];
 /** What the drawer on the left holds; empty: it is closed. */
 export const DRAWERS = ['vessels', 'alarms', 'zones', 'layers'];
 export const THEME_NAMES = ['day', 'dusk', 'night'];
@@ -14,7 +14,7 @@ export const SPEEDS = [1, 2, 5, 10, 30, 60];
 export function defaults() {
   return {
     lat: null, lon: null, zoom: null, theme: 'day', selected: 0, follow: false, drawer: '',
-    layers: new Set(['labels', 'vectors', 'outlines', 'trail', 'cover', 'zones']), minutes: 6, filter: { ...NO_FILTER },
+    layers: new Set(['labels', 'vectors', 'outlines', 'trail', 'cover', 'zones']), minutes: 6, filter: { ...NO_FILTER }, gain: 1, afterglow: 0,
     sort: { column: 'flags', down: true }, at: null, speed: 1,
   };
 }
@@ -41,6 +41,8 @@ export function fromQuery(text) {
   state.drawer = choice(query.get('drawer'), DRAWERS, '');
   if (query.has('layers')) state.layers = new Set(query.get('layers').split(',').filter((name) => LAYERS.includes(name)));
   state.minutes = choice(number(query, 'minutes', 1, 60, 6), VECTOR_MINUTES, 6);
+  state.gain = number(query, 'gain', 0.5, 4, state.gain);
+  state.afterglow = number(query, 'afterglow', 0, 0.9, state.afterglow);
   filter.kinds = Math.floor(number(query, 'kinds', 0, 7, 7));
   filter.flagged = query.has('flagged');
   filter.type = choice(query.get('type'), CLASSES, '');
@@ -75,6 +77,8 @@ export function toQuery(state) {
   const layers = (set) => LAYERS.filter((name) => set.has(name)).join(',');
   put('layers', layers(state.layers), layers(plain.layers));
   put('minutes', state.minutes, plain.minutes);
+  put('gain', state.gain, plain.gain);
+  put('afterglow', state.afterglow, plain.afterglow);
   put('kinds', filter.kinds, 7);
   if (filter.flagged) query.set('flagged', '1');
   put('type', filter.type, '');

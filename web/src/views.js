@@ -2,7 +2,7 @@
 
 import { fromQuery, toQuery } from './state.js';
 
-const KEPT = ['lat', 'lon', 'zoom', 'theme', 'layers', 'minutes', 'filter', 'sort'];
+const KEPT = ['lat', 'lon', 'zoom', 'theme', 'layers', 'gain', 'afterglow', 'minutes', 'filter', 'sort'];
 const name = (number) => `coastwatch.view.${number}`;
 
 /** The query of what a view keeps of a state. */

@@ -1,0 +1,79 @@
+import assert from 'node:assert/strict';
+import { deflateSync } from 'node:zlib';
+import { test } from 'node:test';
+import { radii } from '../src/geodesy.js';
+import { paintSector, VideoPicture } from '../src/video.js';
+import { RefusedFrame } from '../src/wire.js';
+
+/** A message by the table of INTERFACE.md. */
+function message({ kind = 1, radar = 0, run = 7, seq = 1, begun = 0, place = 0, range = 6000, octets = new Uint8Array(64 * 256) } = {}) {
+  const data = kind === 1 ? deflateSync(octets) : new Uint8Array(0);
+  const made = new Uint8Array(64 + data.length);
+  const view = new DataView(made.buffer);
+  made.set([...'CWV1'].map((letter) => letter.charCodeAt(0)));
+  made.set([1, kind], 4);
+  view.setUint16(6, radar, true);
+  [run, seq, begun].forEach((value, k) => view.setUint32(8 + 4 * k, value, true));
+  made.set([place, 16], 20);
+  view.setUint16(22, 64, true);
+  view.setUint16(24, 512, true);
+  [1000, 54.3, 12].forEach((value, k) => view.setFloat64(32 + 8 * k, value, true));
+  view.setFloat32(56, range, true);
+  made.set(data, 64);
+  return made.buffer;
+}
+
+const greeting = JSON.stringify({ run: 7, radars: ['north', 'south'] });
+const filled = (value) => new Uint8Array(64 * 256).fill(value);
+
+test('a sector is at its place with the nearer level first', async () => {
+  const told = [];
+  const picture = new VideoPicture(() => told.push(1));
+  assert.equal(picture.apply(greeting), 0);
+  assert.deepEqual(picture.names, ['north', 'south']);
+  assert.equal(picture.apply(message({ place: 3, seq: 9, radar: 1, octets: filled(0xf1) })), 64);
+  await picture.done;
+  const { cells, changed, lat, lon, range } = picture.radars.get(1);
+  assert.deepEqual([...cells.subarray(3 * 32768, 3 * 32768 + 4)], [255, 17, 255, 17]);
+  assert.deepEqual([cells[3 * 32768 - 1], cells[4 * 32768], cells.length], [0, 0, 1024 * 512]);
+  assert.deepEqual([[...changed], lat, lon, range, picture.seq, told.length], [[3], 54.3, 12, 6000, 9, 1]);
+  assert.equal(picture.apply(message({ kind: 5 })), -1);
+});
+
+test('another range scale or run begins anew; what is late is written in its order', async () => {
+  const picture = new VideoPicture();
+  picture.apply(greeting);
+  picture.apply(message({ seq: 1, octets: filled(0x11) }));
+  picture.apply(message({ seq: 2, octets: filled(0x22) }));
+  await picture.done;
+  assert.equal(picture.radars.get(0).cells[0], 34);
+  picture.apply(message({ seq: 3, begun: 2, place: 1, octets: filled(0x33) }));
+  await picture.done;
+  assert.deepEqual([picture.radars.get(0).cells[0], picture.radars.get(0).cells[32768]], [0, 51]);
+  picture.apply(JSON.stringify({ run: 8, radars: ['north'] }));
+  assert.deepEqual([picture.radars.size, picture.seq], [0, 0]);
+});
+
+test('another format, run or size is refused, and a damaged sector changes nothing', async () => {
+  const picture = new VideoPicture();
+  picture.apply(greeting);
+  for (const wrong of [new ArrayBuffer(8), message({ run: 6 }), message({ kind: 2 }), message({ place: 16 })]) {
+    assert.throws(() => picture.apply(wrong), RefusedFrame);
+  }
+  picture.apply(message({ octets: new Uint8Array(10) }));
+  picture.apply(message().slice(0, 70));
+  await picture.done;
+  assert.equal(picture.radars.size, 0);
+});
+
+test('afterglow keeps a share of what was there, and never weakens what is', () => {
+  const cells = new Uint8Array([200, 100, 0, 0]);
+  paintSector(cells, new Uint8Array([0x0f, 0x30]), 0.5);
+  assert.deepEqual([...cells], [100, 255, 51, 0]);
+  paintSector(cells, new Uint8Array([0, 0]), 0);
+  assert.deepEqual([...cells], [0, 0, 0, 0]);
+});
+
+test('radii of the ellipsoid', () => {
+  assert.ok(Math.abs(radii(0).north - 6335439.327) < 0.01 && Math.abs(radii(90).east - 6399593.626) < 0.01);
+});
