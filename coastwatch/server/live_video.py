@@ -227,14 +227,14 @@ def shades_of(levels: Floats, db_per_level: float, bits: int) -> Array:
     """
     level = np.arange(256)
     if bits <= COARSE_BITS:
-        return np.minimum(level * SHADES // (2**bits - 1), SHADES).astype(np.uint8)
+        return np.asarray(np.minimum(level * SHADES // (2**bits - 1), SHADES), np.uint8)
     decibels = level * db_per_level if db_per_level else 20.0 * np.log10(np.maximum(level, 1))
     counts, total = levels.copy(), float(levels.sum())
     if counts[0] > 0.5 * total:
-        return np.where(level > 0, np.clip(1 + (decibels - decibels[1]) // STEP_DB, 1, SHADES), 0).astype(np.uint8)
+        return np.asarray(np.where(level > 0, np.clip(1 + (decibels - decibels[1]) // STEP_DB, 1, SHADES), 0), np.uint8)
     counts[0] = 0.0
     width = max(round(SMOOTH_DB / db_per_level) if db_per_level else 1, 1)
     smooth = np.convolve(counts, np.ones(width), "same")
     median = int(np.searchsorted(np.cumsum(counts), 0.5 * counts.sum()))
     noise = int(smooth[: median + 1].argmax())
-    return np.clip(1 + (decibels - decibels[noise] - FIRST_DB) // STEP_DB, 0, SHADES).astype(np.uint8)
+    return np.asarray(np.clip(1 + (decibels - decibels[noise] - FIRST_DB) // STEP_DB, 0, SHADES), np.uint8)

@@ -12,7 +12,7 @@ from time import process_time
 
 import numpy as np
 
-from coastwatch.batches import Messages, RadarCorrections, RadarReports, RadarVideo, Tracks, Truth, Videos
+from coastwatch.batches import Floats, Messages, RadarCorrections, RadarReports, RadarVideo, Tracks, Truth, Videos
 from coastwatch.geodesy import difference_m, earth_centred, to_plane, wrap_rad
 from coastwatch.plots import ExtractionInput
 from coastwatch.regional import reports_of_regions, start_region, step_of_regions
@@ -87,7 +87,7 @@ def plots(scenario: Scenario, seed: int, turns: int, every: int) -> dict[str, fl
                 sigma = float(mine.range_sigma_m[0]), float(np.radians(mine.azimuth_sigma_deg[0]))
                 apart = float(np.hypot(off, mine.range_m[0] * turned))
                 rows.append((off, np.degrees(turned), (off / sigma[0]) ** 2, (turned / sigma[1]) ** 2, apart))
-        e = np.array(rows or [[np.nan] * 5])
+        e: Floats = np.array(rows or [(np.nan, np.nan, np.nan, np.nan, np.nan)])
         out |= {f"{name}_error_m": np.sqrt(np.square(e[:, 4]).mean())}
         out |= {f"{name}_detected": len(rows) / looks, f"{name}_bias_m": e[:, 0].mean(), f"{name}_sigma_m": e[:, 0].std()}
         out |= {f"{name}_bias_deg": e[:, 1].mean(), f"{name}_sigma_deg": e[:, 1].std()}

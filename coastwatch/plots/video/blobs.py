@@ -51,15 +51,15 @@ class BlobExtraction(Method):
     method: Literal["blobs"] = "blobs"
     pixels: Annotated[int, Field(ge=32, le=2048)] = 1024  # whole number; width and height of the picture, over twice the range
     least_level: Level = 40  # whole number of steps of the video, 1 to 255: the lowest threshold
-    most_level: Level = 125  # the same: thresholds are lower
-    level_step: Level = 5  # the same: from one threshold to the next
+    most_level: Level = 125  # whole number of such steps: thresholds are lower
+    level_step: Level = 5  # whole number of such steps from one threshold to the next
     least_thresholds: Count = 3  # whole number of thresholds at which a blob is found, one at least
-    least_apart_pixels: Positive = 3.0  # blobs whose middles are nearer are one
-    least_pixels: NotNegative = 2.0  # area of a blob in pixels, at each threshold
-    most_pixels: Positive = 400.0  # area of a blob in pixels: larger ones are land or sea clutter
+    least_apart_pixels: Positive = 3.0  # number of pixels; blobs whose middles are nearer are one
+    least_pixels: NotNegative = 2.0  # number of pixels of a blob at each threshold
+    most_pixels: Positive = 400.0  # number of pixels of a blob: larger ones are land or sea clutter
     least_convexity: Share = 0.6  # area as a share of that of the convex hull
-    least_circularity: Share = 0.1  # 4 pi area / perimeter squared: 1 of a disc
-    least_inertia: Share = 0.02  # smaller by larger second moment: 1 of a disc, 0 of a line
+    least_circularity: Share = 0.1  # ratio: 4 pi area over squared perimeter, 1 of a disc
+    least_inertia: Share = 0.02  # ratio of the smaller to the larger second moment: 1 of a disc, 0 of a line
     masks: Masks = Masks()  # where nothing is looked for
 
     @model_validator(mode="after")
@@ -162,7 +162,7 @@ class BlobExtraction(Method):
         require_opencv()
         import cv2
 
-        wanted = cv2.SimpleBlobDetector_Params()
+        wanted = cv2.SimpleBlobDetector.Params()
         wanted.minThreshold, wanted.maxThreshold, wanted.thresholdStep = self.least_level, self.most_level, self.level_step
         wanted.minRepeatability, wanted.minDistBetweenBlobs = self.least_thresholds, self.least_apart_pixels
         wanted.filterByColor, wanted.blobColor = True, WHITE
@@ -170,7 +170,7 @@ class BlobExtraction(Method):
         wanted.filterByConvexity, wanted.minConvexity = True, max(self.least_convexity, LEAST)
         wanted.filterByCircularity, wanted.minCircularity = True, max(self.least_circularity, LEAST)
         wanted.filterByInertia, wanted.minInertiaRatio = True, max(self.least_inertia, LEAST)
-        found = cv2.SimpleBlobDetector_create(wanted).detect(picture)
+        found = cv2.SimpleBlobDetector.create(wanted).detect(picture)
         return np.array([point.pt for point in found], np.float64).reshape(-1, 2)
 
 
