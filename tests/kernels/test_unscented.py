@@ -45,7 +45,7 @@ def plots_of(time: float, tracks: tuple, rng: np.random.Generator) -> PolarPlots
     return PolarPlots(np.full(len(off), time), position, polar, np.tile([36.0, np.radians(0.3) ** 2], (len(off), 1)))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_ten_looks_are_those_of_the_textbook(seed):
     rng, tracks = np.random.default_rng([seed, 82]), tracks_of(3, seed)
     _, state, covariance, mode = tracks

@@ -157,6 +157,7 @@ def test_the_picture_from_plots_is_the_same_over_threads(alone, method, count):
         assert run_regions(scenario_of_regions(), workers.regions, workers.spots) == alone
 
 
+@pytest.mark.slow
 def test_the_picture_from_plots_is_the_same_over_processes_of_which_one_is_killed(alone):
     with open_workers("processes", 2) as workers, ProcessHosts(2) as hosts:
 
