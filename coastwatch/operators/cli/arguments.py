@@ -9,7 +9,10 @@ from coastwatch.operators.typed import box, utc
 from coastwatch.shipped import DEFAULT_DB
 
 MOST_WORKERS = 4096
-RADAR = ("name", "latitude_deg", "longitude_deg", "range_nm", "rpm", "range_noise_m", "azimuth_noise_deg")
+VIDEO = ("beam_deg", "pulse_m", "db_per_level")
+"""What is needed to read the video of a radar."""
+
+RADAR = ("name", "latitude_deg", "longitude_deg", "range_nm", "rpm", "range_noise_m", "azimuth_noise_deg", *VIDEO)
 STATION = ("name", "latitude_deg", "longitude_deg", "range_nm")
 SONAR = ("name", "latitude_deg", "longitude_deg", "range_nm", "bearing_noise_deg")
 NEEDED = {RADAR: 5, STATION: 4, SONAR: 4}

@@ -11,22 +11,27 @@ from coastwatch.errors import InputError
 from coastwatch.operators import recorded
 from coastwatch.operators.cli.runs import carry_out
 from coastwatch.scenario import make_scenario
-from coastwatch.sensors.files import wire_file
+from coastwatch.sensors.files import WireFile, wire_file
+
+VIDEO = "video"
+OTHER_VIDEO = (b"\x89HDF", b"\x89PNG", b"\xff\xd8\xff")
+"""How files of HDF5, PNG and JPEG begin."""
 
 
 def fuse(options: argparse.Namespace) -> int:
-    if not (options.ais or options.plots or options.bearings or options.tracks or options.feed):
-        raise InputError("fuse: got no file, needed --ais, --plots, --bearings, --tracks or --feed")
+    if not (options.ais or options.plots or options.video or options.bearings or options.tracks or options.feed):
+        raise InputError("fuse: got no file, needed --ais, --plots, --video, --bearings, --tracks or --feed")
     if options.plots and not options.radar:
         raise InputError("fuse --plots: got no radar, needed --radar for each radar in the file")
     if options.bearings and not options.sonar:
         raise InputError("fuse --bearings: got no sensor, needed --sonar for each sensor in the file")
     recorded.check_sensors(options.radar, options.station, options.sonar)
     sensors = {"radars": options.radar, "stations": options.station, "sonars": options.sonar}
-    feeds = [wire_file(text) for text in options.feed]
+    feeds = [*map(wire_file, options.feed), *map(_video_file, options.video)]
     for name in (*options.ais, options.plots, options.bearings, *options.tracks, *(str(feed.path) for feed in feeds)):
         if name is not None and not Path(name).exists():  # the reader of scenarios would look in the checkout too
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), name)
+    _check_video([feed.path for feed in feeds if feed.format == VIDEO], options)
     files = recorded.Files(
         tuple(options.ais), options.plots, options.bearings, tuple(options.tracks), options.columns, tuple(feeds)
     )
@@ -34,3 +39,27 @@ def fuse(options: argparse.Namespace) -> int:
     document = recorded.document(files, sensors, files.default_period_s if options.period is None else options.period)
     scenario = make_scenario(document, "coastwatch fuse", dict(options.settings))
     return carry_out(recorded.framed(scenario), options, None)
+
+
+def _video_file(text: str) -> WireFile:
+    """A value of --video. Raises: InputError."""
+    file = wire_file(text if "+file:" in text else f"{VIDEO}+file:{text}")
+    if file.format != VIDEO:
+        raise InputError(f"fuse --video: got {text!r}, needed a capture or a file of CAT 240: use --feed for other formats")
+    return file
+
+
+def _check_video(paths: list[Path], options: argparse.Namespace) -> None:
+    """Refuses video without the radars that send it, and files of video of another kind. Raises: InputError, OSError."""
+    if paths and not options.radar:
+        raise InputError("fuse --video: got no radar, needed --radar for each radar in the file: see coastwatch video FILE")
+    for radar in options.radar if paths and not options.plots else ():
+        if "latitude_deg" not in radar:
+            raise InputError(f"--radar {radar['name']}: got no latitude and longitude, needed both: video does not have them")
+    for path in paths:
+        with path.open("rb") as file:
+            if file.read(4).startswith(OTHER_VIDEO):
+                raise InputError(
+                    f"{path}: got a picture or HDF5, needed a capture or a file of CAT 240; a scenario with input.method = "
+                    "'video_files' reads pictures and HDF5 of HAXR"
+                )

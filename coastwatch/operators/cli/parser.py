@@ -169,6 +169,12 @@ def fuse(parser: argparse.ArgumentParser) -> None:
     completed_by(parser.add_argument("--ais", metavar="FILE", nargs="+", default=[], help=text))
     text = "radar plots: CSV or Parquet with time, radar, range and azimuth"
     completed_by(parser.add_argument("--plots", metavar="FILE", help=text))
+    text = (
+        "radar video: a capture (PCAP) of ASTERIX CAT 240, with options as of --feed: turns.pcap, "
+        "'video+file:turns.pcap?25/1=north&25/2=south' with SAC/SIC of each radar; without, SIC 1 is the first --radar. What a file "
+        "has, and settings: coastwatch video FILE"
+    )
+    completed_by(parser.add_argument("--video", metavar="FILE", nargs="+", default=[], help=text))
     text = "bearings: CSV or Parquet with time, sonar and bearing"
     completed_by(parser.add_argument("--bearings", metavar="FILE", help=text))
     text = (

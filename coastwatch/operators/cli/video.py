@@ -213,3 +213,6 @@ def _settings(text: str, radars: dict[tuple[int, int], _Radar]) -> Iterator[str]
         yield 'method = "video_files"'
         path = Path(wire_file(text if "+file:" in text else f"video+file:{text}").path)
         yield f'files = ["video+file:{path}?{names}"]'
+        yield ""
+        sites = [f"--radar 'radar-{sac}-{sic},LATITUDE,LONGITUDE,RANGE_NM,RPM'" for sac, sic in sorted(radars)]
+        yield f"# or: coastwatch fuse --video 'video+file:{path}?{names}' {' '.join(sites)}"
