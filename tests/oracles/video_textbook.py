@@ -103,6 +103,16 @@ def excesses(level, masked, azimuth, rules):
     return on, db, looked
 
 
+def over_level(level, masked, rules):
+    """As `excesses`, of cells whose own level is over one that is set: every spoke can be looked at as soon as it comes.
+
+    The level that is set stands for the background.
+    """
+    on = ~masked & (level > rules.threshold) & (np.arange(level.shape[1]) >= rules.first_cell)
+    db = np.clip((level - np.float32(rules.threshold)) * np.float32(rules.db_per_level), 0.0, rules.most_db)
+    return on, db, len(level)
+
+
 def echoes(on, db, azimuth, gap_rad):
     """Moments of each component: cells, weight, mean cell and angle, variances and covariance, and its last spoke. Unsorted rows."""
     angle = unwrapped(azimuth)

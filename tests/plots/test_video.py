@@ -71,9 +71,9 @@ def same(one: RadarReports, other: RadarReports) -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), name)
 
 
-def against_textbook(level, azimuth=None, masks=None, gap=None):
+def against_textbook(level, azimuth=None, masks=None, gap=None, kind=CfarExtraction, **settings):
     """Compare the plots of a stream with those of the textbook. Returns: how many there are."""
-    sensors, method = radars(blind_m=60.0), CfarExtraction(masks=masks or Masks())
+    sensors, method = radars(blind_m=60.0), kind(masks=masks or Masks(), **settings)
     some = video(level, azimuth)
     if gap is not None:
         some = some.take(~gap)
@@ -84,7 +84,11 @@ def against_textbook(level, azimuth=None, masks=None, gap=None):
         scale = Scale(0.0, CELL_M, level.shape[1], radar.beam_rad, radar.pulse_m)
         mask = mask_of(masks.of("r"), masks.land_deg, tuple(SITE.tolist()), scale)
         masked = mask[(some.azimuth_rad / (2.0 * np.pi) * len(mask)).astype(int)] > 0
-    on, db, looked = video_textbook.excesses(some.level, masked, some.azimuth_rad, method._detection(radar, some).rules)
+    rules = method._detection(radar, some).rules
+    if kind is AbsoluteExtraction:
+        on, db, looked = video_textbook.over_level(some.level, masked, rules)
+    else:
+        on, db, looked = video_textbook.excesses(some.level, masked, some.azimuth_rad, rules)
     want = video_textbook.echoes(on, db, some.azimuth_rad, radar.beam_rad)
     want = want[(want[:, 0] >= method.least_cells) & (want[:, 7] < looked - 1)]
     want = want[np.lexsort((want[:, 2], want[:, 3] % (2.0 * np.pi), want[:, 7]))]
@@ -95,11 +99,12 @@ def against_textbook(level, azimuth=None, masks=None, gap=None):
             (plots.extent[:, 0] + PULSE_IN_MOMENT * (radar.pulse_m / FWHM) ** 2) / CELL_M**2,
             plots.extent[:, 2] / plots.range_m**2 + BEAM_IN_MOMENT * (radar.beam_rad / FWHM) ** 2,
             plots.extent[:, 1] / plots.range_m / CELL_M,
+            plots.weight,
         ]
     )
     assert len(got) == len(want)
     ours = got[np.lexsort((np.round(got[:, 0], 6), np.round(got[:, 1], 6)))]
-    theirs = np.column_stack([want[:, 2], want[:, 3] % (2.0 * np.pi), want[:, 4:7]])
+    theirs = np.column_stack([want[:, 2], want[:, 3] % (2.0 * np.pi), want[:, 4:7], want[:, 1]])
     theirs = theirs[np.lexsort((np.round(theirs[:, 0], 6), np.round(theirs[:, 1], 6)))]
     np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9)
     return len(got)
@@ -110,37 +115,60 @@ def test_echoes_are_those_of_the_textbook():
     assert against_textbook(sea(700, 90, 1)) >= 7
 
 
-@pytest.mark.oracle
-@given(
-    st.integers(1, 2**32),
-    st.integers(1, 400),
-    st.integers(1, 60),
-    st.sampled_from(["sea", "zero", "full", "coarse", "jitter", "gaps", "mask", "land"]),
-)
-@example(1, 300, 40, "zero")
-@example(1, 300, 40, "full")
-@example(1, 400, 50, "gaps")
-@example(1, 400, 60, "mask")
-@example(1, 400, 60, "land")
-def test_echoes_are_those_of_the_textbook_at_any_size(seed, spokes, cells, kind):
-    rng, azimuth, masks, gap = np.random.default_rng(seed), None, None, None
+KINDS = ("zero", "full", "coarse", "jitter", "gaps", "mask", "land")
+
+
+def stream_of(seed, spokes, cells, kinds):
+    """A stream with some of KINDS. Returns: what `against_textbook` takes: levels, azimuths, masks, lost spokes."""
+    rng, azimuth, masks, gap = np.random.default_rng(seed), None, Masks(), None
     level = sea(spokes, cells, seed)
-    if kind in ("zero", "full"):
-        level = np.full_like(level, 0 if kind == "zero" else 255)
-    if kind == "coarse":
+    if kinds & {"zero", "full"}:
+        level = np.full_like(level, 255 if "full" in kinds else 0)
+    if "coarse" in kinds:
         level = level // 16
-    if kind == "jitter":
+    if "jitter" in kinds:
         azimuth = 2.0 * np.pi * (np.arange(spokes) + rng.uniform(0.0, 1.6, spokes)) / 256
-    if kind == "gaps":
+    if "gaps" in kinds:
         gap = rng.random(spokes) < 0.1
         gap[spokes // 3 : spokes // 3 + 5] = True
         gap[0] = False
-    if kind == "mask":
+    if "mask" in kinds:
         masks = Masks(sectors=(Sector(radar="r", from_deg=340.0, to_deg=20.0, from_m=100.0, to_m=350.0),))
-    if kind == "land":
+    if "land" in kinds:
         corners = offset_deg(SITE, np.array([[-200.0, 150.0], [300.0, 200.0], [250.0, 450.0], [-150.0, 500.0]]))
-        masks = Masks(land_deg=(tuple(map(tuple, corners.tolist())),))
-    against_textbook(level, azimuth, masks, gap)
+        masks = masks.model_copy(update={"land_deg": (tuple(map(tuple, corners.tolist())),)})
+    return level, azimuth, masks, gap
+
+
+@pytest.mark.oracle
+@given(st.integers(1, 2**32), st.integers(1, 400), st.integers(1, 60), st.sets(st.sampled_from(KINDS), max_size=3))
+@example(1, 300, 40, {"zero"})
+@example(1, 300, 40, {"full"})
+@example(1, 400, 50, {"gaps"})
+@example(1, 400, 60, {"mask"})
+@example(1, 400, 60, {"land"})
+@example(1, 400, 60, {"jitter", "gaps", "land"})
+def test_echoes_are_those_of_the_textbook_at_any_size(seed, spokes, cells, kinds):
+    against_textbook(*stream_of(seed, spokes, cells, kinds))
+
+
+@pytest.mark.oracle
+@given(
+    st.integers(1, 2**32),
+    st.integers(1, 700),
+    st.integers(1, 60),
+    st.sets(st.sampled_from(KINDS), max_size=4),
+    st.integers(1, 255),
+    st.integers(1, 9),
+)
+@example(1, 700, 60, set(), 40, 4)
+@example(1, 700, 60, {"jitter", "gaps", "mask", "land"}, 20, 1)
+@example(1, 300, 40, {"zero"}, 1, 1)
+@example(1, 300, 40, {"full"}, 255, 1)
+@example(1, 700, 40, {"full", "gaps"}, 9, 1)  # an echo of most of a turn
+def test_echoes_over_a_level_are_those_of_the_textbook_at_any_size(seed, spokes, cells, kinds, level, least_cells):
+    stream = stream_of(seed, spokes, cells, kinds)
+    against_textbook(*stream, kind=AbsoluteExtraction, least_level=level, least_cells=least_cells)
 
 
 @pytest.mark.contract

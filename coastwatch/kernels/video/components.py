@@ -13,7 +13,10 @@ NUMBERS = (
     *("cells", "peak", "row"),
 )
 ECHO = np.dtype([(name, np.float64) for name in NUMBERS])
-"""Weighted sums of the cells of an echo about its first cell, in cells, rad and s. `row` is the spoke at which nothing joined it."""
+"""Weighted sums of the cells of an echo about its first cell, in cells, rad and s. Azimuths grow from turn to turn.
+
+`row` is the spoke at which nothing joined it.
+"""
 
 
 @jit
@@ -41,7 +44,8 @@ def joined(runs, excess, spokes, rows, gap, before):  # type: ignore[no-untyped-
         parent = np.arange(old + count)
         every = np.zeros(old + count, ECHO)
         every[:old] = echo
-        cell = _measure(runs[first:at], excess, cell, (azimuth[row], time[row]), every[old:])
+        place = angle[row] + wrap_angle(azimuth[row] - angle[row])  # an echo may go round the radar
+        cell = _measure(runs[first:at], excess, cell, (place, time[row]), every[old:])
         _join(runs[first:at], open_run, old, parent, every)
         open_run, echo, is_open = _open(runs[first:at], old, parent, every)
         finished = _close(parent, old, is_open, every, row, done, finished)
@@ -88,11 +92,7 @@ def _join(runs, open_run, old, parent, every):  # type: ignore[no-untyped-def]
 def _take_in(e, other):  # type: ignore[no-untyped-def]
     """Add the moments of another echo, moved to the first cell of this one."""
     w = other.weight
-    dc, da, dt = (
-        other.first_cell - e.first_cell,
-        wrap_angle(other.first_azimuth - e.first_azimuth),
-        other.first_time - e.first_time,
-    )
+    dc, da, dt = other.first_cell - e.first_cell, other.first_azimuth - e.first_azimuth, other.first_time - e.first_time
     e.cell2 += other.cell2 + 2.0 * dc * other.cell + dc * dc * w
     e.azimuth2 += other.azimuth2 + 2.0 * da * other.azimuth + da * da * w
     e.both += other.both + dc * other.azimuth + da * other.cell + dc * da * w
