@@ -2,10 +2,11 @@
 
     python -m scaling.load.video decode
     python -m scaling.load.video damaged [--messages 100000]
-    python -m scaling.load.video live [--radars 4] [--minutes 3] [--spokes 4096] [--cells 2048] [--hostile]
+    python -m scaling.load.video live [--radars 4] [--minutes 3] [--spokes 4096] [--cells 2048] [--hostile] [--viewer]
 
 Live, a turn of noise with ships is made first and sent again and again, with new times and numbers, at 25 turns a minute. With
 `--hostile` somebody else sends to the feed of the first radar: its video at ten times the rate, random and cut datagrams, and bombs.
+With `--viewer` a program takes the picture of every radar, as the map does, and notes how far it is behind the beam.
 Exit code 1: a spoke was lost, a cycle came late or not at all, an exception left the decoder, or memory grew by more than a tenth.
 """
 
@@ -19,6 +20,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import zlib
 from multiprocessing import get_context
@@ -28,11 +30,13 @@ from typing import Any
 import httpx2 as httpx
 import numpy as np
 import tomli_w
+from websockets.sync.client import connect
 
 from coastwatch.batches import Array
 from coastwatch.formats.asterix.video import VideoMessage, decode, encode
 from coastwatch.formats.asterix.video_feed import NUMBER_AT, VIDEO, VideoDecoder
 from coastwatch.formats.decoding import FeedSettings, Item
+from coastwatch.operators.api.video_stream import HEADER, SECTOR
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import make_scenario
 from coastwatch.server.machine import date_utc, machine
@@ -52,7 +56,12 @@ FASTER = 10  # than a radar, somebody else
 
 
 def turn(spokes: int, cells: int, sic: int, seed: int, *, compressed: bool = False) -> list[bytes]:
-    """The messages of a turn: noise and ships, half a decibel a level."""
+    """The messages of a turn."""
+    return [encode(message) for message in spoken(noise_and_ships(spokes, cells, seed), sic, compressed)]
+
+
+def noise_and_ships(spokes: int, cells: int, seed: int) -> Array:
+    """The levels of a turn, half a decibel each. (S, C) uint8"""
     rng = np.random.default_rng(seed)
     power = rng.standard_exponential((spokes, cells), np.float32)
     row, column = np.arange(spokes), np.arange(cells)
@@ -60,8 +69,7 @@ def turn(spokes: int, cells: int, sic: int, seed: int, *, compressed: bool = Fal
         off = (row - at + spokes // 2) % spokes - spokes // 2
         near = np.flatnonzero(np.abs(off) < 30), np.flatnonzero(np.abs(column - range_) < 10)
         power[np.ix_(*near)] += 1e3 * np.exp(-((off[near[0], None] / 6.0) ** 2) - ((column[near[1]] - range_) / 3.0) ** 2)
-    level = np.clip(20.0 + 20.0 * np.log10(np.maximum(power, 1e-3)), 0, 255).astype(np.uint8)
-    return [encode(message) for message in spoken(level, sic, compressed)]
+    return np.clip(20.0 + 20.0 * np.log10(np.maximum(power, 1e-3)), 0, 255).astype(np.uint8)
 
 
 def spoken(level: Array, sic: int, compressed: bool) -> list[VideoMessage]:
@@ -240,7 +248,9 @@ def live(o: argparse.Namespace) -> dict[str, Any]:
                 senders.append(get_context("spawn").Process(target=attack, args=given_too, daemon=True))
                 senders[-1].start()
             time.sleep(begin_s + WARM_UP_S - time.time())
-            looks = []
+            looks, seen = [], list[tuple[int, int, float]]()
+            if o.viewer:
+                threading.Thread(target=view, args=(page, until_s, seen), daemon=True).start()
             while time.time() < until_s - 1.0 and server.poll() is None:
                 looks.append(_look(address, server.pid))
                 time.sleep(2.0)
@@ -252,7 +262,28 @@ def live(o: argparse.Namespace) -> dict[str, Any]:
             ended = server.wait(120.0)
         if ended:
             raise RuntimeError(f"the server ended with {ended}")
-    return _figures(looks, radars, spokes)
+    found = _figures(looks, radars, spokes)
+    if seen:
+        behind_s = np.array([one[2] for one in seen])
+        a_turn = len(seen) / (radars * (until_s - begin_s - WARM_UP_S) / PERIOD_S)
+        found["viewer"] = {
+            "sectors_a_turn": round(a_turn, 2),
+            "kB_a_turn": round(float(np.mean([one[1] for one in seen])) * 16e-3, 1),
+            "behind_beam_s": {f"{q} %": round(float(np.percentile(behind_s, q)), 3) for q in (50, 95, 99, 100)},
+        }
+    return found
+
+
+def view(port: int, until_s: float, seen: list[tuple[int, int, float]]) -> None:
+    """Take the picture of every radar, as the map does. Args: seen: radar, octets, and seconds behind the newest spoke; written."""
+    with connect(f"ws://{HOST}:{port}/api/v1/video/stream", compression=None) as socket_:
+        socket_.send(json.dumps({"radars": json.loads(socket_.recv())["radars"]}))
+        while time.time() < until_s - 1.0:
+            message = socket_.recv()
+            assert isinstance(message, bytes)
+            _, _, kind, radar, *_, time_s, _, _, _ = HEADER.unpack_from(message)
+            if kind == SECTOR:
+                seen.append((radar, len(message), time.time() - time_s))
 
 
 def _look(address: str, pid: int) -> dict[str, Any]:
@@ -324,6 +355,7 @@ def main() -> int:
     parser.add_argument("--spokes", type=count, default=4096)
     parser.add_argument("--cells", type=count, default=2048)
     parser.add_argument("--hostile", action="store_true", help="somebody else sends to the feed of the first radar")
+    parser.add_argument("--viewer", action="store_true", help="a program takes the picture of every radar")
     parser.add_argument("--workers", type=count, default=2)
     o = parser.parse_args()
     if o.what == "decode":

@@ -22,6 +22,7 @@ from coastwatch.operators.cli.serving import bound, server_of
 from coastwatch.server.alarm_book import AlarmBook
 from coastwatch.server.link import FeedState
 from coastwatch.server.live_picture import OWN, LivePicture
+from coastwatch.server.live_video import LiveVideo
 from coastwatch.server.troubles import Trouble
 from coastwatch.stage import Plan
 from coastwatch.store import Table, begin_run, open_store
@@ -147,14 +148,14 @@ def listening(service: Service, web: Path) -> Iterator[str]:
 
 
 @contextmanager
-def served_fleet(vessels: int, seed: int, folder: Path, web: Path) -> Iterator[str]:
+def served_fleet(vessels: int, seed: int, folder: Path, web: Path, video: LiveVideo | None = None) -> Iterator[str]:
     """Serve a fleet whose picture comes every 3 s. Yields: the address of the page."""
     fleet, stop = Fleet.of(vessels, seed), threading.Event()
     with open_store(str(folder / "fleet.db")) as opened:
         plan = Plan(start_s=time.time(), period_s=PERIOD_S, cycles=1_000_000)
         about = {"title": f"{vessels:,} simulated vessels", "version": "", "settings": {}, "sensors": NO_SENSORS}
         run_id = begin_run(opened, scenario="fleet", seed=seed, plan=plan, **about)  # type: ignore[arg-type]
-        service = Service(opened)
+        service = Service(opened, video=video)
         service.source = Simulated()
 
         def go_on() -> None:

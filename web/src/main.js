@@ -546,6 +546,7 @@ class App {
   #second() {
     this.#badge();
     this.panel.update();
+    this.video.tell();
   }
 
   /** Asks for the status. */

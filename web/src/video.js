@@ -247,9 +247,20 @@ export class Video {
       this.#link = null;
       picture.clear();
     }
-    const none = this.#state === 'none' ? 'This server has no radar video: it does not run live, or has no radar.' : '';
-    byId('video-words').textContent = on && app.replaying ? 'A replay has no radar video.' : on ? none : '';
+    this.tell();
     app.map.triggerRepaint();
+  }
+
+  /** Says why nothing is drawn, where the layer is on. */
+  tell() {
+    const comes = [...this.picture.radars.values()].some(({ at }) => performance.now() - at <= STALE_MS);
+    let words = '';
+    if (this.app.state.layers.has('video')) {
+      if (this.app.replaying) words = 'A replay has no radar video.';
+      else if (this.#state === 'none') words = 'This server has no radar video: it does not run live, or has no radar.';
+      else if (!comes) words = 'No radar video comes.';
+    }
+    if (byId('video-words').textContent !== words) byId('video-words').textContent = words;
   }
 
   #open() {
@@ -259,9 +270,8 @@ export class Video {
         if (changed === HELLO) this.#link.send(JSON.stringify({ radars: this.picture.names }));
       },
       state: (name) => {
-        const said = this.#state;
         this.#state = name;
-        if (name === 'none' && said !== name) this.update();
+        if (name === 'none') this.tell();
       },
     });
   }

@@ -66,7 +66,7 @@ def heartbeat(run: int) -> bytes:
 async def serve_video(socket: WebSocket, video: LiveVideo | None, run: int, number: int) -> None:
     """Send sectors to one viewer until it leaves or does not read. Args: run, number: of the last sector that it has."""
     await socket.accept(subprotocol=PROTOCOL if PROTOCOL in socket.scope.get("subprotocols", []) else None)
-    if video is None:
+    if video is None or not video.names:
         await socket.close(NO_VIDEO, NO_RADARS)
         return
     await socket.send_text(json.dumps({"run": video.run, "radars": video.names}))
@@ -121,7 +121,8 @@ async def picture(radar: Annotated[str, Path(max_length=64)], service: In) -> Re
     video = service.video
     if video is None or radar not in video.names:
         raise HTTPException(
-            404, NO_RADARS if video is None else f"radar: got {radar!r}, needed one of {', '.join(video.names)}"
+            404,
+            NO_RADARS if video is None or not video.names else f"radar: got {radar!r}, needed one of {', '.join(video.names)}",
         )
     number, loop = video.names.index(radar), asyncio.get_running_loop()
     until_s = loop.time() + WAIT_S
