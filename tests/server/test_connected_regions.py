@@ -58,7 +58,7 @@ def intake(path: Path) -> list[tuple[int, int]]:
 def test_a_region_that_was_away_leaves_a_picture_equal_to_one_that_never_was(
     region: Region, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("coastwatch.server.run.warm_up", lambda *_: None)  # the first run compiles what it needs
+    monkeypatch.setattr("coastwatch.server.run.warm_up", lambda *_, **__: None)  # the first run compiles what it needs
     monkeypatch.setattr("coastwatch.server.live.CAUGHT_UP_S", math.inf)  # on a busy machine one of them would merge cycles
     whole, broken = tmp_path / "whole.db", tmp_path / "broken.db"
     with listening(region.service, web=tmp_path) as address:

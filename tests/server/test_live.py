@@ -188,7 +188,7 @@ def test_a_server_that_is_stopped_while_kernels_are_compiled_ends_at_once(
 ) -> None:
     compiling, done = threading.Event(), threading.Event()
 
-    def compile_for_minutes(*_: object) -> None:
+    def compile_for_minutes(*_: object, **__: object) -> None:
         compiling.set()
         done.wait(60.0)
 
