@@ -113,10 +113,10 @@ class BlobExtraction(Method):
             last = at + int(complete[0]) + 1 if len(complete) else len(angle)
             for first in range(at, last, MOST_SPOKES):
                 rows = slice(first, min(first + MOST_SPOKES, last))
-                lit = begin[rows] - TURN_RAD * turn, end[rows] - TURN_RAD * turn
-                pixel, spoke = _lit(*lit, layout.azimuth)
+                lit_from, lit_to = begin[rows] - TURN_RAD * turn, end[rows] - TURN_RAD * turn
+                pixel, spoke = _lit(lit_from, lit_to, layout.azimuth)
                 picture.reshape(-1)[layout.pixel[pixel]] = _means(level[rows], layout.averaged)[spoke, layout.cell[pixel]]
-                part, spoke = _lit(*lit, MIDDLES)
+                part, spoke = _lit(lit_from, lit_to, MIDDLES)
                 time_s[part], site_deg[part] = video.time_s[rows][spoke], video.site_deg[rows][spoke]
                 vessel_m[part] = video.vessel_m[rows][spoke]
             if not len(complete):
