@@ -418,7 +418,19 @@ def query(parser: argparse.ArgumentParser) -> None:
 
 @_command("plot", "read:plot", "draw the picture as a PNG")
 def plot(parser: argparse.ArgumentParser) -> None:
-    """Draw the picture: coverage, vessels by kind of sensor, bearing lines, uncertainty, trails and the coastline."""
+    """Draw the picture: coverage, vessels by kind of sensor, bearing lines, uncertainty, trails and the coastline. With a scenario
+    and --video, draw one turn of radar video instead: coastwatch plot heymann-table-1 --video radar --turn 20.
+    """
+    text = "with --video: the scenario whose radar video is drawn: a name, folder, or .toml file"
+    completed_by(parser.add_argument("scenario", metavar="SCENARIO", nargs="?", help=text), SCENARIOS)
+    text = (
+        "draw one turn of the video of this radar: north up, range rings in NM, levels in grey, plots as circles. --at is an instant in "
+        "the turn"
+    )
+    parser.add_argument("--video", metavar="RADAR", help=text)
+    text = "with --video: the turn, counted from 1 by the radar's rpm (default: 10, or the last of a shorter run)"
+    parser.add_argument("--turn", metavar="N", type=count, help=text)
+    add_set(parser, "with --video: override a setting of the scenario; repeatable")
     add_db(parser)
     add_run(parser)
     add_moment(parser)

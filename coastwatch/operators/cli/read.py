@@ -181,6 +181,12 @@ def query(options: argparse.Namespace) -> int:
 
 
 def plot(options: argparse.Namespace) -> int:
+    if options.video is not None:
+        return _plot_video(options)
+    of_video = {"a scenario": options.scenario, "--turn": options.turn, "--set": options.settings or None}
+    for name, value in of_video.items():
+        if value is not None:
+            raise InputError(f"plot: got {name}, needed --video RADAR too: a turn of the radar video of a scenario")
     from coastwatch.operators import plot, scene  # matplotlib takes a second, and only a plot needs it
 
     with _run(options) as (store, run):
@@ -188,5 +194,24 @@ def plot(options: argparse.Namespace) -> int:
         chosen = {"names": options.names, "vessels": options.vessel, "cover": options.cover}
         drawn = scene.load(store, run, options.at, options.bbox, options.coastline, **chosen)
     plot.write(drawn, options.output)
+    print(options.output)
+    return 0
+
+
+def _plot_video(options: argparse.Namespace) -> int:
+    """Draws one turn of radar video. Raises: InputError, OSError: as of `radar_turn.load`; options that do not go together."""
+    if options.scenario is None:
+        raise InputError("plot --video: got no scenario, needed one: coastwatch plot SCENARIO --video RADAR")
+    if options.at is not None and options.turn is not None:
+        raise InputError("plot --video: got --at and --turn, needed one of them")
+    of_runs = {"--run": options.run, "--bbox": options.bbox, "--coastline": options.coastline, "--cover": options.cover}
+    for name, value in {**of_runs, "--vessel": options.vessel or None}.items():
+        if value is not None:
+            raise InputError(f"plot --video: got {name}, which is of the picture of a run, needed the command without it")
+    from coastwatch.operators import radar_turn  # it imports models and matplotlib
+    from coastwatch.scenario import load_scenario
+
+    turn = radar_turn.load(load_scenario(options.scenario, dict(options.settings)), options.video, options.at, options.turn)
+    radar_turn.write(turn, options.output)
     print(options.output)
     return 0
