@@ -43,6 +43,7 @@ METHODS: dict[str, dict[str, str]] = {
     "sided_vimmjipda": {"tracks.method": "sided_vimmjipda"},
     "vimmjipda": {"tracks.method": "vimmjipda"},
     "multi_hypothesis": {"tracks.method": "multi_hypothesis", "tracks.messages.method": "none"},
+    "sided_multi_hypothesis": {"tracks.method": "sided_multi_hypothesis", "tracks.messages.method": "none"},
     "vimmjipda_sequential": {"tracks.method": "vimmjipda_sequential"},
 }
 HEADS = "F1, %", "fused m", "fused m/s", "radar m", "radar m/s", "breaks", "changes"
