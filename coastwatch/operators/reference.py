@@ -6,6 +6,7 @@ It also generates the schemas in db/schema.
 from __future__ import annotations
 
 import argparse
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from coastwatch.scenario import Scenario, scenario_names
 from coastwatch.store.schema.migrate import write_schemas
 
 FILE = Path(__file__).with_name("REFERENCE.md")
+LONGEST = 140  # characters of a line of prose
 HEAD = """\
 # Reference
 
@@ -34,6 +36,15 @@ def text() -> str:
 
 def _cell(value: object) -> str:
     return str(value).replace("|", "\\|").replace("\n", " ")
+
+
+def _prose(text: str) -> str:
+    """Paragraphs in lines that fit on a screen; lists and code stay as they are."""
+    lines = [
+        line if len(line) <= LONGEST else "\n".join(textwrap.wrap(line, 120, break_on_hyphens=False))
+        for line in text.splitlines()
+    ]
+    return "\n".join(lines)
 
 
 def _rows(head: tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> Iterator[str]:
@@ -67,7 +78,7 @@ def arguments(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
 def _commands() -> Iterator[str]:
     yield "## Commands\n"
     for name, parser in commands(make_parser(), "coastwatch"):
-        yield f"### {name}\n\n{parser.description}\n"
+        yield f"### {name}\n\n{_prose(str(parser.description))}\n"
         yield from _rows(("argument", "meaning"), [(f"`{how}`", what) for how, what in arguments(parser)])
     yield "`coastwatch --version` prints the version. " + " ".join(EPILOG.split()).replace("The whole", "\nThe whole") + "\n"
 
@@ -106,7 +117,7 @@ def _table(
 ) -> Iterator[str]:
     """One table. Args: shared: models that have a section of their own; folders: those whose README has been linked, one more is added."""
     folder = "/".join(table.model.__module__.split(".")[1:-1])
-    yield f"### {heading}\n\n{table.meaning}{places}\n"
+    yield f"### {heading}\n\n{_prose(table.meaning + places)}\n"
     if folder not in folders:
         folders.append(folder)
         yield f"More: [coastwatch/{folder}/README.md](../{folder}/README.md)\n"

@@ -40,6 +40,8 @@ from coastwatch.store.schema.tables import (
 
 STATIC = ("name", "call_sign", "ship_type", "length_m", "beam_m")
 ECHO = ("echo_length_m", "echo_width_m", "echo_axis_deg")
+OWN = ("vessel_id", "mmsi", "nav_status", "flags", "time_s", "since_s", "updated_s", "existence", "alternative_m", *ECHO)
+"""Of a recorded picture, as they are in it."""
 COLUMNS = (
     "vessel_id",
     *MOTION,
@@ -174,21 +176,9 @@ def picture_of_cycle(
     time_s, first, recorded = connection.execute(query).one()
     if recorded and vessel_id is None:
         picture, _ = read_recorded(connection, run_id, cycle, bbox)
-        names = [
-            "vessel_id",
-            "mmsi",
-            "nav_status",
-            "flags",
-            "time_s",
-            "since_s",
-            "updated_s",
-            "existence",
-            "alternative_m",
-            *ECHO,
-        ]
         moved = motion(picture.velocity_m_s, picture.covariance)
         columns = dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))
-        return _with_details(connection, run_id, cycle, columns | {name: getattr(picture, name) for name in names}, wanted)
+        return _with_details(connection, run_id, cycle, columns | {name: getattr(picture, name) for name in OWN}, wanted)
     assert first is not None
     number, at_s = cycle_times(connection, run_id, first, cycle)
     names = ["vessel_id", "cycle", *MOTION, "closing", "mmsi"]
@@ -205,21 +195,7 @@ def picture_of_cycle(
 
 def _from_recording(connection: Connection, run_id: int, cycle: int, bbox: Box | None) -> Columns:
     picture, _ = read_recorded(connection, run_id, cycle, bbox)
-    own = {
-        name: getattr(picture, name)
-        for name in (
-            "vessel_id",
-            "mmsi",
-            "nav_status",
-            "flags",
-            "time_s",
-            "since_s",
-            "updated_s",
-            "existence",
-            "alternative_m",
-            *ECHO,
-        )
-    }
+    own = {name: getattr(picture, name) for name in OWN}
     moved = motion(picture.velocity_m_s, picture.covariance)
     return {**own, **dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))}
 
