@@ -63,9 +63,8 @@ class AisStatics(Batch):
     ship_type: Ints = column(np.int64, "M")  # ITU-R M.1371 code; -1 not available
     length_m: Floats = column(np.float64, "M")
     beam_m: Floats = column(np.float64, "M")
-    to_bow_m: Floats = optional_column(
-        "M"
-    )  # from the antenna, here and below; 0 to bow and to port: it is not said where it is
+    # From the antenna, here and below; 0 to bow and to port: it is not said where it is
+    to_bow_m: Floats = optional_column("M")
     to_stern_m: Floats = optional_column("M")
     to_port_m: Floats = optional_column("M")
     to_starboard_m: Floats = optional_column("M")

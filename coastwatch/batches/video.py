@@ -76,9 +76,8 @@ class Extractions(Batch):
 
     radar: Ints = column(np.int64, "E")
     plots: Ints = column(np.int64, "E")
-    threshold_db: Floats = column(
-        np.float64, "E"
-    )  # over the background, the median of its range; NaN: not in decibels, or not known
+    # Over the background, the median of its range; NaN: not in decibels, or not known
+    threshold_db: Floats = column(np.float64, "E")
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,9 +50,8 @@ class Tracks(Batch):
     existence: Floats = optional_column("N")  # probability that there is a vessel; NaN: not estimated
     echo_length_m: Floats = optional_column("N")  # of the ship, by radar video; NaN: not known, here and below
     echo_width_m: Floats = optional_column("N")
-    echo_axis_deg: Floats = optional_column(
-        "N"
-    )  # of its length, clockwise from north; under 1 kn 0 to 180, as bow and stern look alike
+    # Of its length, clockwise from north; under 1 kn 0 to 180, as bow and stern look alike
+    echo_axis_deg: Floats = optional_column("N")
     alternative_m: Floats = optional_column("N")  # how far away it may be instead, by another history; NaN: it is sure
 
     def known_covariance(self, velocity_sigma_m_s: float) -> Floats:
@@ -119,9 +118,8 @@ class TrackSourceStates(Batch):
     """One row for each track source, by its number: what it sent, and how exact its tracks are taken to be."""
 
     states: Ints = column(np.int64, "R")  # received since the start of the run
-    dropped: Ints = column(
-        np.int64, "R"
-    )  # of them, since their stamp is no time, in the future, or before that of a newer state
+    # Of them, since their stamp is no time, in the future, or before that of a newer state
+    dropped: Ints = column(np.int64, "R")
     tracks: Ints = column(np.int64, "R")  # that are alive
     position_sigma_m: Floats = column(np.float64, "R")  # per axis, of tracks without covariance: as set, or estimated
     velocity_sigma_m_s: Floats = column(np.float64, "R")
@@ -151,9 +149,8 @@ class BearingTracks(Batch):
     measured_rad: Floats = optional_column("N")  # their mean
     measured_variance: Floats = optional_column("N")  # of the mean, rad2
     measured_site_deg: Floats = optional_column("N", 2)  # mean place of the sensor
-    certainty: Floats = optional_column(
-        "N"
-    )  # least probability that a bearing of this cycle is of the track; NaN: not estimated
+    # Least probability that a bearing of this cycle is of the track; NaN: not estimated
+    certainty: Floats = optional_column("N")
 
 
 @dataclass(frozen=True, eq=False)
@@ -364,13 +361,11 @@ class RadarCover(Batch):
     range_m: Floats = column(np.float64, "R")  # outer edge of the last ring
     site_deg: Floats = column(np.float64, "R", 2)  # of the antenna; NaN before its first plot
     turns: Floats = column(np.float64, "R")  # of the antenna; old ones count less, here and below
-    ais_detection: Floats = column(
-        np.float64, "R", COVER_AZIMUTHS, COVER_RANGES
-    )  # probability that an AIS vessel is detected in a turn
+    # Probability that an AIS vessel is detected in a turn
+    ais_detection: Floats = column(np.float64, "R", COVER_AZIMUTHS, COVER_RANGES)
     ais_looks: Floats = column(np.float64, "R", COVER_AZIMUTHS, COVER_RANGES)  # turns behind it, summed over vessels
-    track_detection: Floats = column(
-        np.float64, "R", COVER_AZIMUTHS, COVER_RANGES
-    )  # that a confirmed track of plots gets one in a turn
+    # That a confirmed track of plots gets one in a turn
+    track_detection: Floats = column(np.float64, "R", COVER_AZIMUTHS, COVER_RANGES)
     track_looks: Floats = column(np.float64, "R", COVER_AZIMUTHS, COVER_RANGES)
     false_plots_per_m2: Floats = column(np.float64, "R", COVER_AZIMUTHS, COVER_RANGES)  # in a turn, of no confirmed track
 

@@ -146,11 +146,12 @@ def _geometries(document: _Document) -> Iterator[_Document]:
 
 def _shores(geometry: _Document) -> list[Shore]:
     kind, points = geometry["type"], geometry["coordinates"]
-    rings: dict[str, Callable[[], list[Any]]] = {
-        "LineString": lambda: [points],
-        "MultiLineString": lambda: points,
-        "Polygon": lambda: points[:1],  # a lake inside land is drawn as land: the picture is of the sea
-        "MultiPolygon": lambda: [polygon[0] for polygon in points],
+    rings: dict[str, Callable[[], list[list[Any]]]] = {
+        "LineString": lambda: [[points]],
+        "MultiLineString": lambda: [[line] for line in points],
+        "Polygon": lambda: [points],
+        "MultiPolygon": lambda: points,
     }
-    lines = rings[kind]() if kind in rings else []
-    return [Shore(np.array([[p[1], p[0]] for p in line], float).reshape(-1, 2), kind.endswith("Polygon")) for line in lines]
+    parts = rings[kind]() if kind in rings else []
+    made = [[np.array([[p[1], p[0]] for p in ring], float).reshape(-1, 2) for ring in part] for part in parts if part]
+    return [Shore(outer, kind.endswith("Polygon"), tuple(lakes)) for outer, *lakes in made]

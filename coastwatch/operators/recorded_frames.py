@@ -89,6 +89,7 @@ def _frame(recorded: Recorded, names: Mapping[int, str]) -> polars.DataFrame:
         "echo_length_m": p.echo_length_m,
         "echo_width_m": p.echo_width_m,
         "echo_axis_deg": p.echo_axis_deg,
+        "alternative_m": p.alternative_m,
         "members": polars.Series([" ".join(tracks[a:b]) for a, b in zip(first, last, strict=True)], dtype=texts),
         "origin": p.origin,
         "east_m_s": p.velocity_m_s[:, 0],

@@ -202,7 +202,9 @@ def _column(made: Sequence[Made], figure: Figure, variant: str, path: str) -> Sp
             over = mean
         elif below is not None:  # the same seed at the other point
             over = at_path(below.records[k], path) if k < len(below.records) else None
-        if value is not None and over and math.isfinite(over):
+        if value is None and figure.statistic != "mean":
+            found.append(math.inf if figure.better == "lower" else -math.inf)  # never: it counts as the worst
+        elif value is not None and over and math.isfinite(over):
             found.append(value / over)
     if found and figure.statistic != "mean":  # one number of all runs, without a deviation
         worst = max(found) if figure.better == "lower" else min(found)

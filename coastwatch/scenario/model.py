@@ -246,10 +246,11 @@ class Scenario(Settings):
             return sensors
         from coastwatch.formats import coastline  # here: only a run with land needs its 30 MB
 
-        path = scenarios_folder() / self.name / "coastline.geojson" if self.coastline == OWN else Path(self.coastline)
+        given = scenarios_folder() / self.name / "coastline.geojson" if self.coastline == OWN else Path(self.coastline)
+        path = next((place for place in (given, scenarios_folder().parent / given) if place.is_file()), given)
         if self.coastline != coastline.NATURAL and not path.is_file():
             raise InputError(
-                f"coastline: got {str(path)!r}, which is no file, needed GeoJSON, {OWN!r} or {coastline.NATURAL!r}"
+                f"coastline: got {str(given)!r}, which is no file, needed GeoJSON, {OWN!r} or {coastline.NATURAL!r}"
             )
         site_deg, reach_m = sensors.radars.site_deg, sensors.radars.range_m + BEYOND_RANGE_M
         scale_north, scale_east = scale_m_deg(site_deg[:, 0])

@@ -22,6 +22,9 @@ ROWS = AZIMUTHS // SECTORS
 LOOKED_S = 60.0
 """For so long after somebody asked for a radar its picture is kept up to date: a viewer that comes back resumes."""
 
+SILENT_S = 15.0
+"""A radar that has sent nothing for so long has no picture: an old one would look like one of now."""
+
 FIRST_DB, STEP_DB = 10.0, 5.0
 """Over the noise: from where a cell is shown, and how much stronger that of the next level is."""
 
@@ -62,9 +65,8 @@ class _Turn:
     is_blind: Array  # (RANGES,) bool: before the first cell
     range_m: float
     level: Array = field(default_factory=lambda: np.zeros((AZIMUTHS, RANGES), np.uint8))  # of the video, by maximum
-    swept: Array = field(
-        default_factory=lambda: np.zeros(ROWS, np.uint8)
-    )  # of the open sector; 1: of a spoke beside it, 2: on it
+    # Of the open sector; 1: of a spoke beside it, 2: on it
+    swept: Array = field(default_factory=lambda: np.zeros(ROWS, np.uint8))
     levels: Floats = field(default_factory=lambda: np.zeros(256))  # how often each level came
     azimuth: float = math.nan  # of the newest spoke
     angle: float = 0.0
@@ -83,6 +85,7 @@ class LiveVideo:
         self._db_per_level = radars.db_per_level.tolist()
         self._number = 0
         self._asked_s: dict[int, float] = {}  # monotonic time at which somebody asked for a radar last
+        self._heard_s: dict[int, float] = {}  # monotonic time of its newest video
         self._turns: dict[int, _Turn] = {}
         self._sectors: dict[int, list[Sector | None]] = {k: [None] * SECTORS for k in range(len(radars))}
         self._listeners: dict[int, Callable[[], None]] = {}
@@ -95,15 +98,19 @@ class LiveVideo:
 
     def since(self, seen: dict[int, int]) -> list[Sector]:
         """The newest sectors, oldest first, of these radars. Args: seen: by radar, the number of the last one that is known."""
-        found = [
-            one for radar, number in seen.items() for one in self._sectors[radar] if one is not None and one.number > number
-        ]
+        found = [one for radar, number in seen.items() for one in self._now(radar) if one.number > number]
         return sorted(found, key=lambda sector: sector.number)
 
     def turn(self, radar: int) -> Sequence[Sector] | None:
-        """The newest turn of a radar by azimuth; None: it is not whole yet, or nobody has asked for it."""
-        sectors = [sector for sector in self._sectors[radar] if sector is not None]
+        """The newest turn of a radar by azimuth; None: it is not whole yet, nobody has asked for it, or the radar is silent."""
+        sectors = self._now(radar)
         return sectors if len(sectors) == SECTORS else None
+
+    def _now(self, radar: int) -> list[Sector]:
+        """The sectors of a radar by azimuth; none of one that is silent."""
+        if time.monotonic() - self._heard_s.get(radar, -math.inf) > SILENT_S:
+            return []
+        return [sector for sector in self._sectors[radar] if sector is not None]
 
     def listen(self, tell: Callable[[], None]) -> Callable[[], None]:
         """Have a function called after new sectors, in any thread. Returns: what ends that."""
@@ -124,6 +131,7 @@ class LiveVideo:
     def take(self, video: RadarVideo) -> None:
         """Take the next spokes of a radar. A fault in it is logged, and costs nobody but its viewers."""
         radar, before = video.sensor, self._number
+        self._heard_s[radar] = time.monotonic()
         try:
             if time.monotonic() - self._asked_s.get(radar, -math.inf) <= LOOKED_S:
                 self._add(video)

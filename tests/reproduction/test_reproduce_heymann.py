@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -86,3 +87,7 @@ def test_median_and_worst_are_of_all_runs() -> None:
     assert lines["acquisition, median, literal"] == Spread((12.0,))
     assert lines["acquisition, worst, literal"] == Spread((31.2,))
     assert lines["acquisition, mean, literal"].mean == pytest.approx(17.6)
+    records[1]["scores"]["trackers"]["literal"]["acquisition_s"] = None  # it found nothing
+    lines = {line.figure.name: line.measured for line in figures.lines(of, [Made(wanted, tuple(records))])}
+    assert lines["acquisition, median, literal"] == Spread((12.0,))
+    assert lines["acquisition, worst, literal"] == Spread((math.inf,))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from coastwatch.scenario import load_scenario
 pytestmark = pytest.mark.contract
 
 
-def island(longitude: float) -> dict[str, object]:
+def island(longitude: float) -> dict[str, Any]:
     corners = [[longitude, 54.2], [longitude + 0.1, 54.2], [longitude + 0.1, 54.3], [longitude, 54.2]]
     return {"type": "Polygon", "coordinates": [corners]}
 
@@ -26,6 +27,13 @@ def test_the_sensors_have_the_land_of_a_file_that_is_near_the_radars(tmp_path: P
     assert [len(ring) for ring in sensors.land_deg] == [4]
     assert sensors.land_deg[0][1] == (54.2, 12.1)
     assert load_scenario("heymann-table-1").sensors().land_deg == ()
+
+
+def test_a_basin_in_the_land_of_a_file_is_water(tmp_path: Path) -> None:
+    path, basin = tmp_path / "coast.geojson", [[12.02, 54.21], [12.03, 54.21], [12.03, 54.22], [12.02, 54.21]]
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [*island(12.0)["coordinates"], basin]}))
+    rings = load_scenario("heymann-table-1", {"coastline": f'"{path}"'}).sensors().land_deg
+    assert [ring[1] for ring in rings] == [(54.2, 12.1), (54.21, 12.03)]
 
 
 def test_a_scenario_has_a_coastline_of_its_own_and_natural_earth_knows_land() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -53,6 +54,16 @@ def test_a_turn_is_the_greatest_level_of_its_cells_however_it_is_cut(cut: int) -
     assert (levels_of(made) == newest).all()
     assert len(made.since({1: 0})) == 16  # the newest of each sector alone
     assert told
+
+
+def test_a_radar_that_is_silent_has_no_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = looked_at()
+    made.take(spokes(np.full((AZIMUTHS, RANGES), 90, np.uint8), turns=2))
+    assert len(made.since({1: 0})) == 16
+    later_s = time.monotonic() + 16.0
+    monkeypatch.setattr("coastwatch.server.live_video.time.monotonic", lambda: later_s)
+    assert made.turn(1) is None
+    assert made.since({1: 0}) == []
 
 
 def test_levels_count_from_the_noise_whatever_is_land_or_blanked() -> None:

@@ -163,7 +163,7 @@ export class VideoLayer {
   /** Binds the texture of a radar with what has changed of it. */
   #bind(gl, index, radar) {
     let known = this.#textures.get(index);
-    const fresh = known?.begun !== radar.begun;
+    const fresh = known?.of !== radar || known.begun !== radar.begun; // numbers begin again with another run
     if (!known) {
       known = { texture: gl.createTexture() };
       this.#textures.set(index, known);
@@ -173,7 +173,7 @@ export class VideoLayer {
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
     }
     gl.bindTexture(gl.TEXTURE_2D, known.texture);
-    known.begun = radar.begun;
+    Object.assign(known, { of: radar, begun: radar.begun });
     for (const place of fresh ? Array(SECTORS).keys() : radar.changed) {
       const cells = radar.cells.subarray(place * SECTOR_CELLS, (place + 1) * SECTOR_CELLS);
       gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, place * AZIMUTHS, RANGES, AZIMUTHS, gl.RED, gl.UNSIGNED_BYTE, cells);

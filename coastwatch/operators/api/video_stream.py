@@ -7,6 +7,7 @@ import io
 import json
 import struct
 import zlib
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Annotated
 
@@ -18,6 +19,7 @@ from starlette.websockets import WebSocket
 from coastwatch.operators.api.answers import REFUSALS, In
 from coastwatch.operators.api.streaming import BAD_MESSAGE, first_done, sent_in_time, woken_by
 from coastwatch.operators.api.validation import CheckedRoute
+from coastwatch.operators.presentation import utc_text
 from coastwatch.server.live_video import RANGES, ROWS, SECTORS, SHADES, LiveVideo, Sector
 
 PROTOCOL = "coastwatch.video.v1"
@@ -114,10 +116,9 @@ async def _listen(socket: WebSocket, video: LiveVideo, seen_first: tuple[dict[in
 async def picture(radar: Annotated[str, Path(max_length=64)], service: In) -> Response:
     """The newest turn of a radar's video: azimuths from north down, ranges to the right, grey by level over the noise.
 
-    The far edge is in `X-Range-M`. Where nobody has looked at this radar, the answer waits for a turn.
+    The far edge is in `X-Range-M`, the time of the newest spoke in `X-Time`. The answer waits for a turn where nobody has
+    looked at this radar.
     """
-    from PIL import Image  # takes a while, and few ask for it
-
     video = service.video
     if video is None or radar not in video.names:
         raise HTTPException(
@@ -132,6 +133,13 @@ async def picture(radar: Annotated[str, Path(max_length=64)], service: In) -> Re
     if turn is None:
         raise HTTPException(503, f"radar {radar} has sent no whole turn of video within {WAIT_S:g} s")
     video.ask([number])
+    headers = {"X-Range-M": f"{turn[0].range_m:.1f}", "X-Time": utc_text(max(sector.time_s for sector in turn))}
+    return Response(await asyncio.to_thread(_png, turn), media_type="image/png", headers=headers)
+
+
+def _png(turn: Sequence[Sector]) -> bytes:
+    from PIL import Image  # takes a while, and few ask for it
+
     grey, out = np.concatenate([sector.levels() for sector in turn]) * np.uint8(255 // SHADES), io.BytesIO()
     Image.fromarray(grey).save(out, "PNG")
-    return Response(out.getvalue(), media_type="image/png", headers={"X-Range-M": f"{turn[0].range_m:.1f}"})
+    return out.getvalue()

@@ -136,9 +136,9 @@ def _health_of_video(address: str) -> Rows:
         answer = httpx.get(f"{address.rstrip('/')}/api/v1/feeds", headers=headers, timeout=10.0)
         answer.raise_for_status()
         feeds = answer.json()["feeds"]
-    except (httpx.HTTPError, httpx.InvalidURL, ValueError, KeyError) as error:
+        radars = [radar | {"radar": radar["name"]} for feed in feeds for radar in feed.get("radars", ())]
+    except (httpx.HTTPError, httpx.InvalidURL, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"--video: got {address!r}: {error}; needed the address of a server, http://127.0.0.1:8100") from error
-    radars = [radar | {"radar": radar["name"]} for feed in feeds for radar in feed.get("radars", ())]
     rows = [tuple("; ".join(v) if isinstance(v := one.get(name), list) else v for name in VIDEO_COLUMNS) for one in radars]
     return Rows(VIDEO_COLUMNS, rows)
 

@@ -120,8 +120,9 @@ def _surveyed(items: Iterable[Item], tally: Tally) -> tuple[dict[tuple[int, int]
             radar.joiner.state.has_time_of_day = of_day_s == of_day_s
             known_s = arrived_s if arrived_s == arrived_s else (of_day_s if of_day_s == of_day_s else 0.0)
             radar.joiner.add(message, known_s, arrived_s)
-            if number % 256 == 0:
-                radar.take()
+        if number % 256 == 0:
+            for each in radars.values():
+                each.take()
     for radar in radars.values():
         radar.take()
     return radars, texts
@@ -207,7 +208,9 @@ def _settings(text: str, radars: dict[tuple[int, int], _Radar]) -> Iterator[str]
     names = "&".join(f"{sac}/{sic}=radar-{sac}-{sic}" for sac, sic in sorted(radars))
     yield ""
     if "+udp:" in text:
-        yield f"# coastwatch serve SCENARIO --feed '{text.partition('?')[0]}?{names}'"
+        address, _, options = text.partition("?")
+        kept = [option for option in options.split("&") if option and "/" not in option.partition("=")[0]]
+        yield f"# coastwatch serve SCENARIO --feed '{address}?{'&'.join([*kept, names])}'"
     else:
         yield "[input]"
         yield 'method = "video_files"'

@@ -25,9 +25,8 @@ class Particles(Batch):
     looks: Ints = column(np.int64, "F")
     good: Ints = column(np.int64, "F")  # looks in a row in which it was narrow and bright
     acquired: Bools = column(np.bool_, "F")
-    bright: Floats = column(
-        np.float64, "F"
-    )  # smoothed level of its particles over the background, dB; NaN before the first look
+    # Smoothed level of its particles over the background, dB; NaN before the first look
+    bright: Floats = column(np.float64, "F")
     sigma_m: Floats = column(np.float64, "F")  # largest deviation of the position
     started_s: Floats = column(np.float64, "F")
     origin: Ints = column(np.int64, "F")  # true vessel of the plot that it began at
