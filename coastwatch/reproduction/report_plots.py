@@ -249,7 +249,12 @@ def _paths(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
             axes.scatter(points[:, 0], points[:, 1], size, colour, linewidths=0.0, label=of_what)
         axes.set_aspect("equal")
         _label(axes, name, "east, km", "north, km")
-    return [(_uri(figure), f"Paths of the run with seed {first['seed']}, a point each {asked.draw_every} turns.")]
+    return [
+        (
+            _uri(figure),
+            f"Paths of the run with seed {first['seed']}, a point each {asked.draw_every} turns; plots of all turns.",
+        )
+    ]
 
 
 def _scan(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:

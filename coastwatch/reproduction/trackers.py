@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from coastwatch.batches import Plots, Truth
 from coastwatch.geodesy import to_plane
@@ -29,6 +31,13 @@ class Trackers(Settings):
     drawn: tuple[str, ...] = ()  # methods whose paths are kept and drawn
     draw_every: Count = 5  # number of cycles from one point of a path to the next
     scan_cycle: Count = 20  # number of the cycle whose video is drawn, if methods are
+
+    @model_validator(mode="after")
+    def _draws_what_there_is(self) -> Self:
+        unknown = sorted(set(self.drawn) - {"scenario", *self.methods})
+        if unknown:
+            raise ValueError(f"drawn: got {', '.join(unknown)}, needed some of scenario, {', '.join(self.methods)}")
+        return self
 
 
 def measure(scenario: Scenario, seed: int, asked: Trackers) -> dict[str, Figures | Paths | Picture]:

@@ -220,6 +220,7 @@ class App {
       if (this.run !== undefined) this.details.clear();
       else if (!this.placed) this.#showAll();
       this.run = this.live.run;
+      this.video.runChanged();
     }
     if (this.replay.at === null) this.pictureChanged();
   }

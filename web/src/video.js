@@ -17,6 +17,7 @@ export const RANGES = 512;
 const SECTOR_CELLS = AZIMUTHS * RANGES;
 const SHADE = 17; // of 255, a level
 const HELLO = 0; // what `apply` returns for the greeting, and for a sector
+const MOST_RADARS = 256; // that a viewer may ask for
 const STALE_MS = 15000; // a radar from which nothing has come for so long is not drawn
 const OPACITY = 0.75; // of the strongest echo
 const SOFTWARE_MS = 1000; // between drawings without a GPU
@@ -251,6 +252,11 @@ export class Video {
     app.map.triggerRepaint();
   }
 
+  /** Another run has begun: a server that had no radar video may have some now. */
+  runChanged() {
+    if (this.#state === 'none') this.#link?.retry();
+  }
+
   /** Says why nothing is drawn, where the layer is on. */
   tell() {
     const comes = [...this.picture.radars.values()].some(({ at }) => performance.now() - at <= STALE_MS);
@@ -267,7 +273,7 @@ export class Video {
     this.#link = follow(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/api/v1/video/stream`, this.picture, {
       protocols: PROTOCOLS,
       frame: (changed) => {
-        if (changed === HELLO) this.#link.send(JSON.stringify({ radars: this.picture.names }));
+        if (changed === HELLO) this.#link.send(JSON.stringify({ radars: this.picture.names.slice(0, MOST_RADARS) }));
       },
       state: (name) => {
         this.#state = name;

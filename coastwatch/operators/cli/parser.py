@@ -278,7 +278,7 @@ def reproduce(parser: argparse.ArgumentParser) -> None:
     Finished runs stay in the output folder: the same command continues after an interruption
     and runs only what is missing.
     """
-    parser.add_argument("paper", metavar="PAPER", help="the paper: hem, rangel or sagild")
+    parser.add_argument("paper", metavar="PAPER", help="the paper: hem, heymann, liland, rangel or sagild")
     text = "runs of each variant (default: as many as the paper averages)"
     parser.add_argument("--runs", metavar="N", type=count, help=text)
     text = "seed of the first run of each variant; the others follow (default: 1000)"
