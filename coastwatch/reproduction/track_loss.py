@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coastwatch.batches import ID_STRIDE, Floats, Ints
+from coastwatch.batches import ID_STRIDE, DecidedPath, Floats, Ints
 from coastwatch.geodesy import from_plane, to_plane
 from coastwatch.reproduction.published import TrackLoss
 from coastwatch.reproduction.targets import cycles
@@ -14,6 +14,8 @@ from coastwatch.sensors import StartStates
 from coastwatch.server.timing import Stopwatch
 from coastwatch.tracks import ForestMemory, MultiHypothesisLiteral
 from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Decided
+
+SAME_S = 1e-3  # a plot and the end of its cycle that are closer are of one instant
 
 
 def measure(scenario: Scenario, seed: int, asked: TrackLoss) -> dict[str, float | None]:
@@ -30,7 +32,8 @@ def measure(scenario: Scenario, seed: int, asked: TrackLoss) -> dict[str, float 
     instants_s = [at for at in map(scenario.plan().instant_s, range(scenario.plan().cycles)) if at >= start_s]
     first, begun = scenario.plan().cycles - len(instants_s), scenario.tracks.init()
     true = [(now.vessel, to_plane(now.position_deg, site_deg)) for now in map(recording.truth.at, instants_s)]
-    shown, decided = [], []
+    shown: list[tuple[Ints, Floats]] = []
+    decided, past = [], []
     if isinstance(method, MultiHypothesisLiteral) and first:  # it is told of the tracks, where others get a lead-in
         now = recording.truth.at(start_s)
         begun = method.begun(np.hstack([to_plane(now.position_deg, region_deg), now.velocity_m_s]), start_s)
@@ -40,10 +43,11 @@ def measure(scenario: Scenario, seed: int, asked: TrackLoss) -> dict[str, float 
         if now_s >= start_s:
             number = found.tracks.track_id % ID_STRIDE
             shown.append((number, to_plane(found.tracks.position_deg, site_deg)))
+            past.append(found.decided)
             if isinstance(memory, ForestMemory):
                 decided.append(memory.decided)
     true_m, online_m = as_paths(true), as_paths(shown)
-    final_m = online_m
+    final_m = as_paths(corrected(shown, DecidedPath.join(past), instants_s, site_deg))
     if isinstance(memory, ForestMemory):
         every = Decided.join([*decided, memory.open_path()])
         position_m = to_plane(from_plane(every.state[:, :2], region_deg), site_deg)
@@ -59,6 +63,22 @@ def measure(scenario: Scenario, seed: int, asked: TrackLoss) -> dict[str, float 
         **shadow_scores(online_m, true_m, hidden, asked.near_m, asked.after_looks),
         "look_s": float(np.mean(watch.seconds["tracks"])),
     }
+
+
+def corrected(
+    shown: list[tuple[Ints, Floats]], past: DecidedPath, instants_s: list[float], site_deg: Floats
+) -> list[tuple[Ints, Floats]]:
+    """The paths as decided later, and as shown where nothing was, of tracks that were ever shown.
+
+    Args: shown: names (n,) and positions (n, 2) at each instant.
+    """
+    number, ever = past.track_id % ID_STRIDE, np.concatenate([name for name, _ in shown])
+    position_m, out = to_plane(past.position_deg, site_deg), []
+    for now_s, (name, shown_m) in zip(instants_s, shown, strict=True):
+        at = np.flatnonzero((np.abs(past.time_s - now_s) < SAME_S) & np.isin(number, ever))
+        kept = ~np.isin(name, number[at])
+        out.append((np.append(number[at], name[kept]), np.concatenate([position_m[at], shown_m[kept]])))
+    return out
 
 
 def as_paths(seen: list[tuple[Ints, Floats]]) -> Floats:

@@ -22,10 +22,25 @@ from coastwatch.stage import CountOrZero, NotNegative, Positive, PositiveShare, 
 PositionAt = Callable[[Ints, Floats], Floats]
 
 # Streams of random numbers: a change of one does not change the others.
-NOISE, DETECTION, CLUTTER, PHASE, UNSEEN, OUTAGE, VISIBLE, STANDING = 11, 12, 13, 14, 15, 16, 17, 18
+NOISE, DETECTION, CLUTTER, PHASE, UNSEEN, OUTAGE, VISIBLE, STANDING, BURST = 11, 12, 13, 14, 15, 16, 17, 18, 19
 TURN_RAD = 2.0 * np.pi
 BLOCK = 4096  # vessels at a time: bounds memory, does not change the result
 BEAM_ROUNDS = 3  # iterations; each multiplies the error of the beam time by azimuth rate x turn period, under 0.1 beyond 300 m
+
+
+class Burst(Settings):
+    """Clutter that comes at times on top of all other, as in a squall."""
+
+    per_m2: Annotated[float, Field(ge=0.0, le=1e-3)] = 0.0  # false plots in a turn while it lasts; 0: no burst
+    first_s: NotNegative = 50.0  # its start, after the start of the run
+    duration_s: Positive = 30.0
+    every_s: Positive | None = Field(default=None, description="from the start of one to that of the next; none: it comes once")
+
+    def density(self, after_s: Floats) -> Floats:
+        """False plots per m2 and turn. Args: after_s: (T,) after the start of the run. Returns: (T,)."""
+        since_s = after_s - self.first_s
+        phase_s = np.mod(since_s, self.every_s) if self.every_s else since_s
+        return np.where((since_s >= 0.0) & (phase_s < self.duration_s), self.per_m2, 0.0)
 
 
 class RadarTruth(Settings):
@@ -40,6 +55,7 @@ class RadarTruth(Settings):
     )
     visible_s: Positive = 60.0  # time constant with which a vessel comes into view and is lost again
     clutter_per_m2: Annotated[float, Field(ge=0.0, le=1e-4)] = 0.0  # false plots per turn, uniform over the disc of its range
+    burst: Burst = Burst()  # clutter that comes at times, on top of that
     noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # true noise divided by the specified noise
     range_bias_m: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0  # added to each range: positive is too long, e.g. 40
     azimuth_bias_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = (
@@ -216,13 +232,17 @@ class Antenna:
 
     def clutter(self) -> RadarReports:
         """False plots: their number is Poisson each turn, their places uniform over the disc."""
-        rng = np.random.default_rng([self.seed, CLUTTER, self.r])
-        reach = float(self.radars.range_m[self.r])
-        count = rng.poisson(self.truth.clutter_per_m2 * np.pi * reach**2, len(self.turns))
-        total = int(count.sum())
-        part, distance = rng.random(total), np.sqrt(rng.random(total)) * reach
-        time = self.first_s + (np.repeat(self.turns, count) + part) * self.radars.period_s[self.r]
-        made = self._reports(time, distance, 360.0 * part, np.full(total, -1, np.int64))
+        reach, period_s = float(self.radars.range_m[self.r]), float(self.radars.period_s[self.r])
+        steady = np.full(len(self.turns), self.truth.clutter_per_m2)
+        burst, parts = self.truth.burst.density(self.first_s + self.turns * period_s - self.start_s), []
+        for stream, per_m2 in ((CLUTTER, steady), (BURST, burst)):
+            rng = np.random.default_rng([self.seed, stream, self.r])
+            count = rng.poisson(per_m2 * np.pi * reach**2)
+            total = int(count.sum())
+            part, distance = rng.random(total), np.sqrt(rng.random(total)) * reach
+            parts.append((self.first_s + (np.repeat(self.turns, count) + part) * period_s, distance, 360.0 * part))
+        time, distance, azimuth = (np.concatenate(column) for column in zip(*parts, strict=True))
+        made = self._reports(time, distance, azimuth, np.full(len(time), -1, np.int64))
         return made.take(self.truth.looks_at(made.azimuth_deg))
 
     def _beams(self, position_at: PositionAt, row: Ints) -> tuple[Floats, Floats, Floats]:

@@ -17,6 +17,7 @@ from coastwatch.batches.reports import AisStatics, BearingReports
 from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, from_plane
 from coastwatch.sensors.simulated.ais import itu_interval_s
+from coastwatch.sensors.simulated.radar import Burst
 from coastwatch.stage import CountOrZero, Method, NotNegative, Plan, Positive, Share
 
 DETECTION, CLUTTER, AIS, BEFORE = 71, 72, 73, 74  # streams of random numbers
@@ -65,6 +66,7 @@ class StartStates(Method):
     intervals: Literal["thesis", "itu"] = "thesis"  # between AIS reports: 6 s (A) and 30 s (B), or those of Table 2.4
     detection_probability: Share = 0.9
     clutter_per_m2: NotNegative = 1e-5  # false plots in one look
+    burst: Burst = Burst()  # clutter on top of that; its times are after the first look
     plot_sigma_m: NotNegative = 2.5  # per axis
     accurate_sigma: NotNegative = 1.0  # of an AIS report that states a high accuracy, per axis: the same number of m and m/s
     inaccurate_sigma: NotNegative = 3.0  # the same number of a report that states a low one
@@ -123,7 +125,8 @@ class StartStates(Method):
             else:
                 here = path[:, look * STEPS_PER_LOOK, :2]
                 seen, rng = detection.random(len(path)) < self.detection_probability, detection
-                false = clutter.poisson(self.clutter_per_m2 * np.pi * reach_m**2)
+                density = self.clutter_per_m2 + float(self.burst.density(np.array(look * LOOK_S)))
+                false = clutter.poisson(density * np.pi * reach_m**2)
             echo = here + self.plot_sigma_m * rng.standard_normal(here.shape)
             distance, azimuth = reach_m * np.sqrt(clutter.random(false)), clutter.uniform(0.0, 2.0 * np.pi, false)
             seen &= np.hypot(*here.T) <= reach_m
