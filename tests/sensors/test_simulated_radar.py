@@ -12,7 +12,7 @@ from simulated_world import CENTRE_DEG, LEVEL, START_S, assert_unit_normal, reco
 
 from coastwatch.batches import Trajectories
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg, to_plane, wrap_deg
-from coastwatch.sensors.simulated.radar import RadarTruth, interpolated, observe
+from coastwatch.sensors.simulated.radar import Burst, RadarTruth, interpolated, observe
 from coastwatch.sensors.simulated.trajectories import VesselMotion, draw_motion
 
 pytestmark = pytest.mark.contract
@@ -83,6 +83,21 @@ def test_detection_probability_and_range():
     assert low <= found <= high
     kept = np.isin(every.time_s, reports.time_s)
     np.testing.assert_array_equal(every.take(kept).range_m, reports.range_m)
+
+
+def test_a_burst_adds_clutter_while_it_lasts_and_changes_nothing_else():
+    calm, burst = RadarTruth(clutter_per_m2=1e-7), Burst(per_m2=2e-6, first_s=30.0, duration_s=10.0, every_s=50.0)
+    reports, _ = seen((calm.model_copy(update={"burst": burst}), RadarTruth()))
+    without, _ = seen((calm, RadarTruth()))
+    added = ~np.isin(reports.range_m, without.range_m)
+    assert len(reports) - added.sum() == len(without)
+    phase_s, period_s = (reports.time_s[added] - START_S) % 50.0, float(sensors().radars.period_s[0])
+    assert np.all((phase_s >= 30.0) & (phase_s < 40.0 + period_s))
+    assert (phase_s < 40.0).any()
+    mean = 2e-6 * np.pi * float(sensors().radars.range_m[0]) ** 2
+    turns = added.sum() / mean
+    assert abs(turns - 20.0 / period_s) < 2.0
+    assert (reports.origin[added] == -1).all()
 
 
 def test_clutter_is_poisson_and_even_over_the_disc():

@@ -54,6 +54,16 @@ def test_plots_have_the_detection_probability_noise_and_clutter_that_are_set():
     assert ((off / 2.5) ** 2).sum(axis=1).mean() == pytest.approx(CHI2_2, abs=5.0 * CHI2_2 / np.sqrt(len(own)))
 
 
+def test_a_burst_is_clutter_of_its_looks():
+    radar = recorded(1, **{"clutter_per_m2": 1e-6, "burst.per_m2": 2.5e-5})[0].reports.radar
+    false = radar.take(radar.origin < 0)
+    look = np.round((false.time_s - radar.time_s[0]) / 2.5).astype(int) - 8
+    each, area_m2 = np.bincount(look, minlength=61), np.pi * 5500.0**2
+    stormy = (np.arange(61) >= 20) & (np.arange(61) < 32)
+    for looks, density in ((stormy, 2.6e-5), (~stormy, 1e-6)):
+        assert each[looks].mean() == pytest.approx(density * area_m2, abs=5.0 * np.sqrt(density * area_m2 / looks.sum()))
+
+
 @pytest.mark.parametrize(("transponders", "senders"), [("S0", 0), ("S1", 8), ("S2", 8), ("S3", 16), ("S4", 16)])
 def test_the_vessels_of_table_5_2_send_and_none_in_the_second_of_a_look(transponders, senders):
     recording, scenario = recorded(1, transponders=transponders)

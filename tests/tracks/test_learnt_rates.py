@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from radar_world import PERIOD_S, plots_of, run, two_radars, world
 
+from coastwatch.batches import Plots
 from coastwatch.tracks import TableTracker
 from coastwatch.tracks.radar.life import ExistenceManagement
 from coastwatch.tracks.radar.rates import LearntRates, RateSettings
@@ -43,6 +44,23 @@ def test_a_radar_that_misses_half_keeps_its_tracks():
     assert np.all((probability > 0.5) & (probability < 0.8))  # from 0.9 towards 0.5 over 0.84, the share of visible vessels
     seen = [np.mean([len(tracks) for tracks in out[20:]]) for out in (learnt, stated)]
     assert seen[0] > 1.05 * seen[1]
+
+
+@pytest.mark.parametrize("method", ["vimmjipda", "multi_hypothesis"])
+def test_a_burst_of_clutter_makes_few_tracks_and_fades(method):
+    truth, sensors, calm = world(100, 33), two_radars(range_nm=RANGE_NM), 5e-7
+    steady = plots_of(truth, sensors, PERIOD_S * CYCLES, 33, detection=0.9, clutter_per_m2=calm)
+    storm = plots_of(world(0, 1), sensors, PERIOD_S * CYCLES, 34, clutter_per_m2=25 * calm)
+    in_burst = storm.take((storm.time_s > 20 * PERIOD_S) & (storm.time_s < 25 * PERIOD_S))
+    every = Plots.join([steady, in_burst])
+    every = every.take(np.argsort(every.time_s, kind="stable"))
+    memory, out = run(TableTracker(method=method), every, CYCLES, sensors)
+    false = [len(np.setdiff1d(tracks.track_id, out[19].track_id)) for tracks in out[20:]]
+    assert max(false) <= 2  # without the density of the burst 32 and 55
+    assert np.isin(out[19].track_id, out[-1].track_id).mean() > 0.9
+    known = memory.rates.false_plots_per_m2(RateSettings(), sensors.radars, np.full(2, calm))
+    assert np.all(memory.rates.burst_per_m2 < 25 * calm * np.exp(-2.0))
+    assert np.all((known > calm) & (known < 6 * calm))
 
 
 def test_before_the_first_plot_the_stated_rates_hold_and_a_pause_is_no_turn():

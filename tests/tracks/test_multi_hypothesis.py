@@ -61,7 +61,8 @@ def test_memory_is_bounded_and_chosen_leaves_share_no_plot(method, dense):
 
 
 def test_children_that_are_left_out_before_they_grow_would_not_have_stayed(dense, monkeypatch):
-    tracker = TableTracker(method="multi_hypothesis", association=MultiHypothesis(leaves=6))
+    stated = {"rates": {"learnt": False}}
+    tracker = TableTracker(method="multi_hypothesis", association=MultiHypothesis(leaves=6), upkeep=stated)
     memory, out = run(tracker, dense, 8)
     monkeypatch.setattr(hypothesis_trees, "promising", lambda leaves, first, plot, *_: np.ones(len(plot), np.bool_))
     every, whole = run(tracker, dense, 8)

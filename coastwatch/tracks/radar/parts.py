@@ -12,6 +12,7 @@ from coastwatch.batches import Floats, Ints, Sensors
 from coastwatch.kernels.arrays import Records
 from coastwatch.kernels.filters.gaussian import Estimates, gate
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
+from coastwatch.kernels.tracks.existence import EXISTS
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import ExistenceManagement, TrackManagement
@@ -112,6 +113,18 @@ class Parts:
         """The upkeep of tracks that live by their probability of existence."""
         assert isinstance(self.upkeep, ExistenceManagement)
         return self.upkeep
+
+
+def learn_turn(parts: Parts, memory: RadarMemory, batch: PlotColumns) -> None:
+    """Let what is learnt of a radar fade to this batch of its plots, and notice a burst of clutter, in place."""
+    rules, radars, radar = parts.existence, parts.sensors.radars, int(batch.sensor[0])
+    if not rules.rates.learnt:
+        return
+    passed = memory.rates.turn(rules.rates, radar, float(batch.time.max()), float(radars.period_s[radar]))
+    area_m2 = np.pi * float(radars.range_m[radar]) ** 2
+    stated = rules.by_radar.get(str(radars.name[radar]), rules.detection).false_plots_per_m2 * area_m2
+    free = len(batch.time) - int(np.count_nonzero(memory.table.existence[memory.table.live] >= EXISTS))
+    memory.rates.notice_burst(rules.rates, radar, stated, area_m2, free, passed)
 
 
 def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: PlotColumns) -> RadarMemory:

@@ -18,7 +18,7 @@ from coastwatch.kernels.tracks.existence import EXISTS, LATELY, SURELY
 from coastwatch.stage import Settings
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.life.existence import merge_duplicates
-from coastwatch.tracks.radar.parts import LIKELY, Parts, begin_tracks, gated
+from coastwatch.tracks.radar.parts import LIKELY, Parts, begin_tracks, gated, learn_turn
 from coastwatch.tracks.radar.table import RadarMemory
 
 Free = Callable[[Ints, Floats, int], Floats]
@@ -61,8 +61,7 @@ def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float,
     """As `Jipda.track_batch`. Args: unborn: weight of new vessels among the plots of no track; free_of: see `Free`."""
     table, rules, clutter, radar = memory.table, parts.existence, parts.clutter, int(batch.sensor[0])
     period_s = float(parts.sensors.radars.period_s[radar])
-    if rules.rates.learnt:
-        memory.rates.turn(rules.rates, radar, float(batch.time.max()), period_s)
+    learn_turn(parts, memory, batch)
     columns, every_density = rules.by_number(memory.rates, parts.sensors.radars)
     detection = float(columns.probability[radar])
     false_per_m2 = memory.false_plots_per_m2(clutter, batch, float(every_density[radar]))

@@ -30,7 +30,7 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     with_roots,
     write_chosen,
 )
-from coastwatch.tracks.radar.parts import Parts, begin_tracks
+from coastwatch.tracks.radar.parts import Parts, begin_tracks, learn_turn
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
 ELLIPSE = 4.0  # squared distance of the ellipse that people see: two standard deviations
@@ -57,6 +57,7 @@ class MultiHypothesis(Settings):
         """Grow, choose and prune by a batch of one radar. Returns: memory, the slot of the chosen leaf that took each plot, or -1."""
         forest, table, rules = forest_of(memory, self.window), memory.table, parts.existence
         radar, sensors = int(batch.sensor[0]), parts.sensors.radars
+        learn_turn(parts, memory, batch)
         rates, densities = rules.by_number(memory.rates, sensors)
         detection, density = float(rates.probability[radar]), float(densities[radar])
         false_per_m2 = memory.false_plots_per_m2(parts.clutter, batch, density)
@@ -77,7 +78,10 @@ class MultiHypothesis(Settings):
         forest = decide(forest, table, pruned, looked)
         plots = shares(table, pruned, len(batch.time), look.number)
         memory = memory.with_clutter(parts.clutter, batch, np.clip(1.0 - plots[2], 0.0, 1.0), period_s)
-        existence = np.clip(1.0 - plots[0], 0.0, 1.0) * unborn_per_m2 / nobody
+        free = np.clip(1.0 - plots[0], 0.0, 1.0)
+        if rules.rates.learnt:
+            memory.rates.false_plots[radar] += (free * false_per_m2 / nobody).sum()
+        existence = free * unborn_per_m2 / nobody
         existence[plots[1] > OWNED] = 0.0
         return _begin(parts, replace(memory, forest=forest), existence, batch), taken
 
