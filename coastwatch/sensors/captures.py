@@ -17,7 +17,10 @@ MAGICS = (b"\xa1\xb2\xc3\xd4", b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\x3c\x4d", b"\x4d\
 MOST_BYTES = 1 << 24  # of a packet or a block: more is damage
 OTHER = SET_ASIDE + "packet without a datagram of the feed"
 FRAGMENT = "fragment of a datagram, the others did not come"
+OVERLAP = "fragments that overlap, or make no datagram"
 MOST_OPEN = 256  # datagrams of which not every fragment has come; the oldest goes first
+MOST_WAIT_S = 2.0  # from the first fragment to the last; a sender counts datagrams with 16 bits, so numbers come again
+OFFSET_BYTES = 8  # unit of the fragment offset: RFC 791, section 3.1
 MOST_DATAGRAM = 65_535  # bytes
 SHORT = "datagram cut by the capture"
 UDP_HEAD = 8  # bytes
@@ -80,7 +83,7 @@ def datagrams(stream: Bytes, name: str, port: int | None, tally: Tally) -> Itera
         datagram = getattr(network, "data", None)
         where = f"{name}: byte {stream.at - len(data)}"
         if isinstance(network, dpkt.ip.IP) and (network.mf or network.offset) and network.p == dpkt.ip.IP_PROTO_UDP:
-            if (whole := fragments.joined(network, where)) is None:
+            if (whole := fragments.joined(network, float(when_s), where)) is None:
                 continue
             datagram = dpkt.udp.UDP(whole)
         if not isinstance(datagram, dpkt.udp.UDP) or (port is not None and datagram.dport != port):
@@ -100,19 +103,26 @@ class _Fragments:
         self._tally = tally
         self._open: OrderedDict[tuple[bytes, bytes, int], _Open] = OrderedDict()
 
-    def joined(self, network: Any, where: str) -> bytes | None:
+    def joined(self, network: Any, when_s: float, where: str) -> bytes | None:
         """The datagram that a fragment completes; None: others are missing. Args: network: an IP packet of dpkt; where: in the capture."""
-        data, first = bytes(network.data), int(network.offset)
+        data, first = bytes(network.data), OFFSET_BYTES * int(network.offset)
         if len(data) != network.len - 4 * network.hl or first + len(data) > MOST_DATAGRAM:
             self._tally.add(SHORT, where)
             return None
         key = (network.src, network.dst, int(network.id))
-        begun = self._open.pop(key, None) or _Open()
+        begun = self._open.pop(key, None)
+        if begun is not None and abs(when_s - begun.begun_s) > MOST_WAIT_S:
+            self._tally.add(FRAGMENT, where, count=begun.fragments)
+            begun = None
+        begun = begun or _Open(when_s)
+        begun.held += len(data) - len(begun.parts.get(first, b""))
         begun.parts[first], begun.fragments = data, begun.fragments + 1
         begun.size = begun.size if network.mf else first + len(data)
-        whole = b"".join(begun.parts[at] for at in sorted(begun.parts))
-        if begun.size == len(whole) >= UDP_HEAD and begun.is_gapless():
-            return whole
+        if begun.held == begun.size or begun.held > MOST_DATAGRAM:
+            if begun.held == begun.size >= UDP_HEAD and begun.is_gapless():
+                return b"".join(begun.parts[at] for at in sorted(begun.parts))
+            self._tally.add(OVERLAP, where, count=begun.fragments)
+            return None
         self._open[key] = begun
         if len(self._open) > MOST_OPEN:
             _, oldest = self._open.popitem(last=False)
@@ -130,8 +140,10 @@ class _Fragments:
 class _Open:
     """A datagram of which not every fragment has come."""
 
+    begun_s: float  # when its first fragment came
     parts: dict[int, bytes] = field(default_factory=dict)  # by their place
-    size: int = 0  # of all of it; 0: not known
+    held: int = 0  # bytes of the parts
+    size: int = -1  # of all of it; -1: not known
     fragments: int = 0
 
     def is_gapless(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 from itertools import pairwise
 from pathlib import Path
 
@@ -58,6 +59,46 @@ def test_lost_and_cut_fragments_are_counted_and_the_rest_is_read(tmp_path):
     cut, _ = stream(files=(str(captured(tmp_path / "cut.pcap", items, snap=800)),))
     assert len(cut.between(-math.inf, math.inf)) == 0
     assert captures.SHORT in {fault.kind for fault in cut.faults()}
+
+
+def packed(path: Path, fragments: list[tuple[float, int, int, bytes, bool]]) -> Path:
+    """A capture made octet by octet, as RFC 791 has it. Args: fragments: time, number, place in octets, bytes, and whether more come."""
+    out = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65_535, 101)  # raw IP
+    for at_s, number, first, part, more in fragments:
+        head = struct.pack(
+            ">BBHHHBBH4s4s", 0x45, 0, 20 + len(part), number, more << 13 | first // 8, 64, 17, 0, b"\x0a\0\0\1", b"\xef\0\0\1"
+        )
+        out += struct.pack("<IIII", int(at_s), 0, 20 + len(part), 20 + len(part)) + head + part
+    path.write_bytes(out)
+    return path
+
+
+def pieces(data: bytes, number: int = 7, at_s: float = START_S, unit: int = 1480) -> list[tuple[float, int, int, bytes, bool]]:
+    udp = struct.pack(">HHHH", 4000, 8600, 8 + len(data), 0) + data
+    return [(at_s, number, first, udp[first : first + unit], first + unit < len(udp)) for first in range(0, len(udp), unit)]
+
+
+def test_fragments_of_a_capture_of_a_network_are_joined(tmp_path):
+    (data,) = (data for _, data, _ in arrivals(list(messages(turns=0.1, cells=4000))[:1]))
+    found, _ = stream(files=(str(packed(tmp_path / "x.pcap", pieces(data))),))
+    assert np.array_equal(spokes_of(found).level, levels(1 / SPOKES, 4000))
+    assert found.faults() == ()
+
+
+def test_a_number_that_comes_again_begins_another_datagram(tmp_path):
+    first, second = (data for _, data, _ in arrivals(list(messages(turns=0.1, cells=4000))[:2]))
+    items = [*pieces(first)[:2], *pieces(second, at_s=START_S + 3.0)]
+    found, _ = stream(files=(str(packed(tmp_path / "x.pcap", items)),))
+    assert np.array_equal(spokes_of(found).level, levels(2 / SPOKES, 4000)[1:])
+    assert {fault.kind: fault.count for fault in found.faults()} == {captures.FRAGMENT: 2}
+
+
+def test_fragments_that_overlap_hold_no_more_than_a_datagram(tmp_path):
+    items = [(START_S, 7, 8 * k, bytes(32_000), True) for k in range(3)]
+    items += [(START_S, 8, 0, bytes(16), True), (START_S, 8, 8, bytes(8), True), (START_S, 8, 24, bytes(8), False)]
+    found, _ = stream(files=(str(packed(tmp_path / "x.pcap", items)),))
+    assert len(found.between(-math.inf, math.inf)) == 0
+    assert {fault.kind: fault.count for fault in found.faults()} == {captures.OVERLAP: 6}
 
 
 def test_a_file_of_blocks_in_parts_of_time_gives_each_spoke_once(tmp_path):

@@ -66,7 +66,7 @@ def captured(
                 ip = dpkt.ip.IP(
                     src=b"\x0a\0\0\1", dst=b"\xef\xc0\0\1", p=dpkt.ip.IP_PROTO_UDP, id=k % 65_536, data=part, len=20 + len(part)
                 )
-                ip.mf, ip.offset = int(more), piece * unit
+                ip.mf, ip.offset = int(more), piece * unit // 8  # its unit is 8 bytes
                 frame = dpkt.ethernet.Ethernet(src=b"\0" * 6, dst=b"\1" * 6, type=dpkt.ethernet.ETH_TYPE_IP, data=bytes(ip))
                 made.writepkt(bytes(frame)[:snap], ts=at_s)
     return path
