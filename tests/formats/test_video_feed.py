@@ -14,6 +14,7 @@ from video_world import CELLS, DURATION_FS, PERIOD_S, SPOKES, START_S, arrivals,
 
 from coastwatch.batches import RadarVideo, Reports, Videos
 from coastwatch.formats.asterix import video_feed
+from coastwatch.formats.asterix.spokes import MOST_PARTS
 from coastwatch.formats.asterix.video import encode
 from coastwatch.formats.asterix.video_feed import VIDEO, VideoDecoder, datagrams, renumbered
 from coastwatch.formats.decoding import FeedSettings, Item, OptionError, decode
@@ -97,6 +98,17 @@ def test_without_numbers_gaps_are_counted_by_azimuth():
     (spokes,) = video(made, arrivals(found))
     assert len(spokes) == 2 * SPOKES - 3
     assert made.counts.radars["north"].spokes_lost == 3
+
+
+def test_a_spoke_holds_no_more_than_so_many_parts():
+    begin = next(messages())
+    found = [begin._replace(number=k, first_cell=2 * k, level=begin.level[:1]) for k in range(1_000)]
+    made = decoder()
+    made.decode(arrivals(found, parts=1_000), None)
+    assert made.waiting == 3 + 1_000 - 3 * MOST_PARTS
+    made.reports_between(-math.inf, math.inf)
+    state = made.counts.radars["north"]
+    assert (state.messages, state.spokes) == (1_000, 4)
 
 
 def test_what_comes_twice_or_late_is_not_used():

@@ -22,6 +22,7 @@ STEPS = 64.0  # whose mean is the usual one
 GAP = 1.75  # usual steps; a longer one is a gap, where the radar does not count its messages
 MOST_JUMP = 1 << 20  # messages lost at a time; more, and the radar counts anew
 REORDERED = 64  # a message that is so much before the newest came late
+MOST_PARTS = 256  # of a spoke: each new one is compared to all of them
 SHRUNK = 8  # whole spokes in a row with fewer cells than those before: a new range scale
 STEP_SHARE = 2.0  # a message that says it is wider than so many steps says nothing
 
@@ -47,6 +48,7 @@ class SpokeJoiner:
         self._scale = (0, 0, 0, 0)  # duration of a cell in fs, bits, first cell, end
         self._smaller = [0, 1 << 30, 0]  # whole spokes in a row with fewer cells than the scale; their first cell, and end
         self._open: list[VideoMessage] = []  # parts of the spoke that is not complete
+        self._held = 0  # cells of them
         self._open_s = 0.0  # when the beam was there
         self._has_gap = False  # messages were lost before it, or inside it
         self._number = -1  # of the newest message
@@ -74,13 +76,13 @@ class SpokeJoiner:
         if is_part:
             self._has_gap |= lost > 0
             self._open.append(message)
+            self._held += len(message.level)
         else:
             if self._open:
                 self._close(lost > 0)
             self._begin(message, time_s, arrived_s, lost)
         duration_fs, bits, first, end = self._scale
-        held = sum(len(part.level) for part in self._open)
-        if held == end - first > 0 and (message.duration_fs, message.bits) == (duration_fs, bits):
+        if self._held == end - first > 0 and (message.duration_fs, message.bits) == (duration_fs, bits):
             self._close(False)
         return True
 
@@ -115,7 +117,8 @@ class SpokeJoiner:
     def _continues(self, message: VideoMessage) -> bool:
         """Whether a message is a part of the open spoke."""
         first = self._open[0]
-        if (message.start, message.duration_fs, message.bits) != (first.start, first.duration_fs, first.bits):
+        is_other = (message.start, message.duration_fs, message.bits) != (first.start, first.duration_fs, first.bits)
+        if is_other or len(self._open) >= MOST_PARTS:
             return False
         end = message.first_cell + len(message.level)
         return all(message.first_cell >= part.first_cell + len(part.level) or end <= part.first_cell for part in self._open)
@@ -135,7 +138,7 @@ class SpokeJoiner:
             self._step += (forward - self._step) / STEPS if self._step else forward
         self._angle += forward if self._start >= 0 else message.start
         self._start = message.start
-        self._open, self._has_gap = [message], lost > 0
+        self._open, self._held, self._has_gap = [message], len(message.level), lost > 0
         self._open_s = self._beam.time_s(self._angle, time_s, arrived_s)
         state.clock_stands = self._beam.clock_stands
         turn = self._angle // FULL_TURN
@@ -152,7 +155,7 @@ class SpokeJoiner:
         parts, self._open = self._open, []
         state, key = self.state, (parts[0].duration_fs, parts[0].bits)
         first, end = min(part.first_cell for part in parts), max(part.first_cell + len(part.level) for part in parts)
-        covered = sum(len(part.level) for part in parts)
+        covered = self._held
         whole = covered == end - first and not lost and not self._has_gap
         low, high = self._scale[2:]
         if key != self._scale[:2] or max(end, high) - min(first, low) > MOST_CELLS:
