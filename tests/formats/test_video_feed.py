@@ -14,7 +14,7 @@ from video_world import CELLS, DURATION_FS, PERIOD_S, SPOKES, START_S, arrivals,
 
 from coastwatch.batches import RadarVideo, Reports, Videos
 from coastwatch.formats.asterix import video_feed
-from coastwatch.formats.asterix.spokes import MOST_PARTS
+from coastwatch.formats.asterix.spokes import CHANGED, MOST_PARTS
 from coastwatch.formats.asterix.video import encode
 from coastwatch.formats.asterix.video_feed import VIDEO, VideoDecoder, datagrams, renumbered
 from coastwatch.formats.decoding import FeedSettings, Item, OptionError, decode
@@ -98,6 +98,17 @@ def test_without_numbers_gaps_are_counted_by_azimuth():
     (spokes,) = video(made, arrivals(found))
     assert len(spokes) == 2 * SPOKES - 3
     assert made.counts.radars["north"].spokes_lost == 3
+
+
+def test_without_numbers_a_radar_may_change_its_spokes_a_turn():
+    items = arrivals([m._replace(number=5) for k, m in enumerate(messages(turns=5)) if k < SPOKES or k % 2 == 0])
+    made = decoder()
+    video(made, items[: 2 * SPOKES])
+    state = made.counts.radars["north"]
+    lost = state.spokes_lost
+    assert lost <= CHANGED
+    video(made, [item for k, item in enumerate(items) if k >= 2 * SPOKES and k not in {600, 601}])
+    assert state.spokes_lost == lost + 2
 
 
 def test_a_spoke_holds_no_more_than_so_many_parts():

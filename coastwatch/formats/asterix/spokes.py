@@ -20,6 +20,8 @@ BACK = FULL_TURN // 36  # a spoke that is less than this behind the one before s
 WIDEST = FULL_TURN // 18  # step between spokes
 STEPS = 64.0  # whose mean is the usual one
 GAP = 1.75  # usual steps; a longer one is a gap, where the radar does not count its messages
+CHANGED = 16  # longer steps in a row, each as long as the one before: the radar sends fewer spokes a turn
+SAME_SHARE = 0.1  # by which such steps differ at most
 MOST_JUMP = 1 << 20  # messages lost at a time; more, and the radar counts anew
 REORDERED = 64  # a message that is so much before the newest came late
 MOST_PARTS = 256  # of a spoke: each new one is compared to all of them
@@ -55,6 +57,7 @@ class SpokeJoiner:
         self._counts = True  # whether the radar counts its messages
         self._start, self._angle = -1, 0  # of the newest spoke; its azimuth, growing from turn to turn
         self._step = 0.0  # usual, between spokes
+        self._longer = (0, 0)  # gaps in a row that are as long as each other; the newest
         self._turn, self._turn_s, self._turn_spokes = -1, math.nan, 0  # this turn: number, when it began, spokes that came
         self._spokes: list[Spoke] = []
         self._videos: list[RadarVideo] = []
@@ -134,8 +137,13 @@ class SpokeJoiner:
             state.spokes_lost += min(max(steps, 0), lost) if in_a_turn else lost // state.parts
         elif not self._counts and self._step and forward > GAP * self._step:
             state.spokes_lost += steps
+            count, before = self._longer
+            self._longer = (count + 1 if abs(forward - before) <= 1 + SAME_SHARE * forward else 1, forward)
+            if self._longer[0] >= CHANGED and forward < WIDEST:
+                self._step = float(forward)
         elif 0 < forward < WIDEST:
             self._step += (forward - self._step) / STEPS if self._step else forward
+            self._longer = (0, 0)
         self._angle += forward if self._start >= 0 else message.start
         self._start = message.start
         self._open, self._held, self._has_gap = [message], len(message.level), lost > 0
