@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 
 from coastwatch.geodesy import offset_deg, to_plane
 from coastwatch.scenario import load_scenario
-from coastwatch.sensors.simulated.video import motion_of
+from coastwatch.sensors.simulated.video import _disc, motion_of
 
 pytestmark = pytest.mark.contract
 
@@ -113,6 +115,19 @@ def test_land_rain_lost_spokes_and_jitter():
     }
     assert part.level[row["north"], cell["land"]].mean() > part.level[row["east"], cell["land"]].mean() + 15
     assert part.level[row["south"], cell["rain"]].mean() > part.level[row["east"], cell["rain"]].mean() + 10
+
+
+def test_a_long_coast_takes_little_memory():
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 600, endpoint=False)
+    offset_m = 1500.0 * np.stack([np.sin(azimuth), np.cos(azimuth)], axis=-1)
+    scenario = load_scenario("heymann-table-1", SMALL)
+    sensors = replace(scenario.sensors(), land_deg=(tuple(map(tuple, offset_deg(SITE, offset_m).tolist())),))
+    tracemalloc.start()
+    disc = _disc(scenario.input, sensors, 0)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert np.abs(disc.land.sum(axis=1) - 1500.0 / disc.cell_m).max() < 1.5
+    assert peak < 150e6  # 131,072 cells and 600 sides at once: 1 GB
 
 
 def test_legs_turn_a_ship_and_come_again():

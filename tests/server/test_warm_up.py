@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from multiprocessing import active_children
 
 import numpy as np
@@ -13,6 +14,7 @@ from coastwatch.kernels.filters import ais_tracker
 from coastwatch.kernels.geometry import radar_plane
 from coastwatch.plots import CfarExtraction, ExtractionInput, ExtractionMemory
 from coastwatch.scenario import load_scenario
+from coastwatch.sensors.simulated import video as simulated_video
 from coastwatch.server.warm_up import _places, _with_spots, warm_up
 from coastwatch.workers import open_workers
 
@@ -61,6 +63,14 @@ def test_kernels_of_video_are_loaded_where_a_feed_has_some(video: bool, monkeypa
     monkeypatch.setattr(CfarExtraction, "step", looked)
     warm_up(scenario, scenario.sensors(), lambda text: None, video=video)
     assert (sum(spokes) > 1024) == video
+
+
+def test_no_land_is_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = load_scenario("heymann-table-1", {"input.cells": "64", "input.spokes": "64"})
+    ring = ((54.0, 12.0), (54.1, 12.0), (54.1, 12.1))
+    scenario = scenario.model_copy(update={"input": scenario.input.model_copy(update={"land_deg": (ring,)})})
+    monkeypatch.setattr(simulated_video, "inside", lambda *given: pytest.fail("the land of a coast may take minutes"))
+    warm_up(scenario, replace(scenario.sensors(), land_deg=(ring,)), lambda text: None)
 
 
 def test_worker_processes_have_done_both_kinds_of_work_before_the_first_cycle() -> None:

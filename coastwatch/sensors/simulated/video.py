@@ -28,6 +28,7 @@ NOISE_DB = 10.0  # of level 0 under the mean noise
 LINEAR_NOISE = 3.0  # level of the noise in linear video
 BEAM_ROUNDS = 3  # iterations until the beam meets a ship
 NEAR_M = 60.0  # beyond a hull and a beam, within which a plot is of it
+MOST_SIDES = 1 << 20  # pairs of a cell and a side of land that are looked at together
 QUARTER = 0.25  # of a turn: near the antenna no more than so much is near a hull
 
 
@@ -269,7 +270,12 @@ def _disc(s: SimulatedVideo, sensors: Sensors, radar: int) -> Disc:
     land = rain = None
     if rings := s.land_deg or sensors.land_deg:
         position = from_plane(east_north.reshape(-1, 2), radars.site_deg[radar])
-        land = np.logical_xor.reduce([inside(position, np.array(ring)) for ring in rings]).reshape(s.spokes, s.cells)
+        land = np.zeros(len(position), np.bool_)
+        for corners in map(np.array, rings):
+            near = np.flatnonzero(((position >= corners.min(axis=0)) & (position <= corners.max(axis=0))).all(axis=1))
+            for row in np.array_split(near, len(near) * len(corners) // MOST_SIDES + 1):
+                land[row] ^= inside(position[row], corners)
+        land = land.reshape(s.spokes, s.cells)
     if s.rain:
         rain = np.zeros((s.spokes, s.cells), np.float32)
         for shower in s.rain:
