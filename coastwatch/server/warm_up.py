@@ -55,9 +55,9 @@ def warm_up(
     of_video = scenario.input if isinstance(scenario.input, SimulatedVideo) else None
     if of_video is None and len(sensors.radars) and (video or isinstance(scenario.input, VideoFiles)):
         of_video = SimulatedVideo(cells=VIDEO_CELLS)
-    spokes = Reports.empty()
-    if of_video is not None:  # without land: a coast takes seconds, and no kernel
-        spokes = of_video.model_copy(update={"land_deg": ()}).load(replace(sensors, land_deg=()), 0, plan).reports
+    if of_video is not None:  # land takes seconds, and no kernel
+        of_video = of_video.model_copy(update={"land_deg": ()})
+    spokes = Reports.empty() if of_video is None else of_video.load(replace(sensors, land_deg=()), 0, plan).reports
     begun: list[str] = []
 
     @contextmanager

@@ -270,12 +270,12 @@ def _disc(s: SimulatedVideo, sensors: Sensors, radar: int) -> Disc:
     land = rain = None
     if rings := s.land_deg or sensors.land_deg:
         position = from_plane(east_north.reshape(-1, 2), radars.site_deg[radar])
-        land = np.zeros(len(position), np.bool_)
+        flat = np.zeros(len(position), np.bool_)
         for corners in map(np.array, rings):
             near = np.flatnonzero(((position >= corners.min(axis=0)) & (position <= corners.max(axis=0))).all(axis=1))
             for row in np.array_split(near, len(near) * len(corners) // MOST_SIDES + 1):
-                land[row] ^= inside(position[row], corners)
-        land = land.reshape(s.spokes, s.cells)
+                flat[row] ^= inside(position[row], corners)
+        land = flat.reshape(s.spokes, s.cells)
     if s.rain:
         rain = np.zeros((s.spokes, s.cells), np.float32)
         for shower in s.rain:
