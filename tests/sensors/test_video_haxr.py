@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from datetime import date
 from itertools import pairwise
 
@@ -76,13 +77,40 @@ def test_a_file_is_read_as_it_was_written_wherever_it_is_cut(block, most, tmp_pa
 
 def test_cells_that_cannot_be_used_are_counted(tmp_path):
     level = spokes()
-    count = int((level > 0).sum())
-    r1 = (np.nonzero(level)[1] * CELL_M).astype(np.float32)
-    r1[5], r1[7] = np.nan, 1e6
-    found, _ = stream(written(tmp_path / "x.hdf5", level, r1=r1))
+    row, cell = np.nonzero(level)
+    r1, r2, amp = cell * CELL_M, (cell + 1) * CELL_M, level[row, cell].astype(np.float64)
+    tod = (BEGUN_S + STEP_S * row) % 86_400.0
+    r1[5], r2[6], r2[8], r2[9], amp[10], tod[11] = np.nan, -1e4, np.inf, 0.0, np.inf, 1e300
+    r1[12], r1[13], r2[13], r2[14] = 1e6, 1e308, 1.7e308, 1e300
+    found, _ = stream(written(tmp_path / "x.hdf5", level, r1=r1, r2=r2, amp=amp, tod=tod))
     cells = sum(int((part.level > 0).sum()) for part in found.between(-math.inf, math.inf).video.parts)
-    assert {fault.kind: fault.count for fault in found.faults()} == {haxr.BAD_CELL: 1, haxr.BEYOND: 1}
-    assert cells == count - 2
+    assert {fault.kind: (fault.count, fault.where) for fault in found.faults()} == {
+        haxr.BAD_CELL: (7, "x.hdf5: cell 5"),
+        haxr.BEYOND: (2, "x.hdf5: cell 13"),
+    }
+    assert cells == len(row) - 9
+
+
+def test_cells_of_absurd_length_are_refused_with_their_file(tmp_path):
+    level = spokes()
+    r1 = np.nonzero(level)[1] * CELL_M
+    for length_m in (1e-300, 1e9):
+        with pytest.raises(InputError, match=r"x\.hdf5: got cells of .* needed 0\.05 to 1000 m"):
+            stream(written(tmp_path / "x.hdf5", level, r1=0.0 * r1, r2=0.0 * r1 + length_m))
+
+
+def test_the_span_and_the_rest_of_a_file_are_read_in_pieces(tmp_path, monkeypatch):
+    monkeypatch.setattr(haxr, "BLOCK", 4_000)
+    level = np.zeros((20_000, 8), np.uint8)
+    level[:, :2] = 9
+    path = written(tmp_path / "x.hdf5", level)
+    for read in (lambda found: found.span(), lambda found: found.rest(-math.inf), lambda found: found.between(1e10, 2e10)):
+        found, _ = stream(path)
+        tracemalloc.start()
+        read(found)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 5e6  # 20,000 spokes of 556 cells: 11 MB
 
 
 def test_links_and_missing_or_odd_sets_are_refused_with_their_name(tmp_path):

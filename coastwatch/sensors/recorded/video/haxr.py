@@ -23,7 +23,9 @@ SETS = ("tod", "az1", "az2", "r1", "r2", "amp")
 BLOCK = 1 << 18  # cells that are read at a time
 MOST_SPOKES = 4_096  # that are made at a time
 MOST_CELLS = 65_536  # of a spoke
-BAD_CELL, BEYOND = "cell that is no number", "cell beyond the range of the radar"
+CELL_M = 0.05, 1_000.0  # usual lengths of a cell that there may be
+DAY_S = 86_401.0  # with a leap second
+BAD_CELL, BEYOND = "cell without a range, an azimuth, a time of day or a level", "cell beyond the range of the radar"
 TURN_DEG = 360.0
 
 
@@ -58,6 +60,7 @@ class HaxrStream:
         """The spokes with after_s < time <= until_s. Older ones are left out."""
         while self._at < self._count and not self._newest_s > until_s:
             self._read_block()
+            self._videos = [video for video in self._videos if video.time_s[-1] > after_s]
         found, rest = [], []
         for video in self._videos:
             first, end = np.searchsorted(video.time_s, [after_s, until_s], side="right").tolist()
@@ -69,7 +72,14 @@ class HaxrStream:
 
     def after(self, after_s: float) -> int:
         """How many spokes come after an instant. It reads the file to its end."""
-        return sum(map(len, self.between(after_s, math.inf)))
+        count = 0
+        while self._videos or self._at < self._count:
+            count += sum(int((video.time_s > after_s).sum()) for video in self._videos)
+            self._videos.clear()
+            if self._at < self._count:
+                self._read_block()
+        self._taken += count
+        return count
 
     def span_s(self) -> tuple[float, float]:
         """Times of the first and the last spoke; inf and -inf: there is none. It reads the file to its end."""
@@ -84,31 +94,38 @@ class HaxrStream:
     def _cell_m(self) -> float:
         """The usual length of a cell. Raises: InputError: there is none."""
         head = slice(0, min(BLOCK, self._count))
-        length = np.asarray(self._sets["r2"][head], np.float64) - np.asarray(self._sets["r1"][head], np.float64)
+        with np.errstate(over="ignore", invalid="ignore"):
+            length = np.asarray(self._sets["r2"][head], np.float64) - np.asarray(self._sets["r1"][head], np.float64)
         good = length[np.isfinite(length) & (length > 0.0)]
         if not len(good):
             raise InputError(f"{self._name}: got no cell with r2 after r1, needed cells with near and far edge in metres")
-        return float(np.median(good))
+        usual_m = float(np.median(good))
+        if not CELL_M[0] <= usual_m <= CELL_M[1]:
+            raise InputError(f"{self._name}: got cells of {usual_m:.3g} m, needed {CELL_M[0]:g} to {CELL_M[1]:g} m")
+        return usual_m
 
     def _read_block(self) -> None:
         """Read the next cells, up to the end of a spoke."""
         block = slice(self._at, min(self._at + BLOCK, self._count))
         tod, az1, az2, r1, r2, amp = (np.asarray(self._sets[name][block]) for name in SETS)
-        begins = np.append(True, (np.diff(az1) != 0.0) | (np.diff(az2) != 0.0) | (np.diff(tod) != 0.0))
+        begins = np.append(True, np.logical_or.reduce([column[1:] != column[:-1] for column in (az1, az2, tod)]))
         rows = np.flatnonzero(begins)
         if block.stop < self._count or len(rows) > MOST_SPOKES:
             last = int(rows[min(len(rows) - 1, MOST_SPOKES)])
             end = last if last else len(tod)  # a spoke of more than a block is cut
             tod, az1, az2, r1, r2, amp, begins = (column[:end] for column in (tod, az1, az2, r1, r2, amp, begins))
-        where = f"{self._name}: cell {self._at}"
+        begun = self._at
         self._at += len(tod)
-        edges = np.stack([tod, az1, az2, r1, r2]).astype(np.float64)
-        good = np.isfinite(edges).all(axis=0) & (edges[3] >= 0.0)
-        self._tally.add_rows(BAD_CELL, ~good, lambda _: where, lambda i: f"{edges[:, i]}")
-        cell = np.floor(np.where(good, 0.5 * (edges[3] + edges[4]) / self.cell_m, 0.0)).astype(np.int64)
-        beyond = good & (cell >= self._cells)
-        self._tally.add_rows(BEYOND, beyond, lambda _: where, lambda i: f"{edges[3, i]:.0f} m")
+        edges = np.stack([tod, az1, az2, r1, r2, amp]).astype(np.float64)
+        good = np.isfinite(edges).all(axis=0) & (edges[3] >= 0.0) & (edges[4] > edges[3])
+        good &= (edges[0] >= 0.0) & (edges[0] < DAY_S)
+        with np.errstate(over="ignore"):
+            middle = np.floor(0.5 * np.where(good, edges[3:5], 0.0).sum(axis=0) / self.cell_m)
+        beyond = good & (middle >= self._cells)
+        for kind, refused in ((BAD_CELL, ~good), (BEYOND, beyond)):
+            self._tally.add_rows(kind, refused, lambda i: f"{self._name}: cell {begun + i}", lambda i: f"{edges[:, i]}")
         good &= ~beyond
+        cell = np.where(good, middle, 0.0).astype(np.int64)
         spoke = np.cumsum(begins) - 1
         level = np.zeros((int(begins.sum()), self._cells), np.uint8)
         np.maximum.at(level, (spoke[good], cell[good]), np.clip(amp[good], 0, 255).astype(np.uint8))
