@@ -29,7 +29,7 @@ class VideoState:
     compressed: bool = False
     has_time_of_day: bool = True
     clock_stands: bool = False  # its time of day does not go on: that of arrival is taken
-    heard_s: float = -math.inf  # when the newest message came
+    heard_s: float = -math.inf  # when the newest message came that is of use; before one, the first message
     text: str = ""  # the newest summary that it sent
     senders: tuple[str, str] | None = None  # two that sent under its SAC and SIC at the same time
     second_s: float = -math.inf  # when the second one was heard last

@@ -225,6 +225,25 @@ def test_a_text_of_a_radar_is_shown_and_absurd_video_is_refused():
     assert made.tally.count(video_feed.ABSURD_RANGE) == 4
 
 
+def test_a_radar_without_usable_video_is_silent_since_its_first_message():
+    made = decoder()
+    for late_s in (0.0, 30.0):
+        made.decode([(START_S + late_s, encode(next(messages(cells=0))), 0)], None)
+    assert made.counts.radars["north"].heard_s == START_S
+
+
+def test_after_a_pause_the_times_are_those_of_the_beam():
+    later_s = START_S + 3 * PERIOD_S + 30.7
+    items = [*arrivals(messages(turns=3)), *arrivals(messages(turns=2.2, begun_s=later_s), later_s)]
+    made = decoder()
+    (spokes,) = video(made, items)
+    off_s = spokes.time_s[3 * SPOKES :] - later_s - (np.arange(round(2.2 * SPOKES)) + 0.5) / SPOKES * PERIOD_S
+    assert np.abs(off_s).max() < 2.0 * STAMP_S
+    made = decoder()
+    video(made, items[: 4 * SPOKES + 9])
+    assert made.counts.radars["north"].period_s == pytest.approx(PERIOD_S, abs=0.01)
+
+
 def test_a_spoke_far_out_does_not_make_all_of_them_as_long():
     found = list(messages(turns=1))
     found[100] = found[100]._replace(first_cell=70_000, duration_fs=1_000_000)

@@ -17,6 +17,9 @@ STANDS_SECTORS, STANDS_S, STANDS_SHARE = 32, 1.0, 0.5
 FAR_S, MOST_FAR = 0.1, 8
 """A sector that is so far off the line does not count; after so many of them in a row the line begins again."""
 
+PAUSE_S = 1.5
+"""A spoke so long after the one before begins a new line: the antenna may have turned unseen. Clocks may tick whole seconds."""
+
 TIME, ARRIVED = 1, 2  # columns of a point
 
 
@@ -37,13 +40,21 @@ class BeamTime:
         )  # sums of the sector, of what is over its first spoke
         self._first = (0.0, 0.0, 0.0)
         self._newest_s = -math.inf
+        self._before_s = (math.nan, math.nan)  # stamp and arrival of the spoke before
+        self.paused = False  # whether the newest spoke came after a pause
 
     def time_s(self, angle: int, time_s: float, arrived_s: float) -> float:
         """When the beam was there. It falls only where the clock of the radar was set back.
 
         Args: angle: FULL_TURN a turn, growing from turn to turn; time_s: as stamped, or of arrival; arrived_s: NaN: not known.
         """
-        sector = angle // SECTOR
+        sector, given_s, before_s = angle // SECTOR, (time_s, arrived_s), self._before_s
+        self.paused = given_s[self.clock_stands] - before_s[self.clock_stands] > PAUSE_S
+        self._before_s = given_s
+        if self.paused:
+            self._line, self._sector, self._count = None, -math.inf, 0
+            self._points.clear()
+            self._far.clear()
         if sector > self._sector:
             if self._count:
                 self._close()
@@ -58,7 +69,7 @@ class BeamTime:
             middle, there_s, unit_s = self._line
             at_s = there_s + (angle - middle) * unit_s
         else:
-            at_s = arrived_s if self.clock_stands else time_s
+            at_s = given_s[self.clock_stands]
         self._newest_s = max(self._newest_s, at_s)
         return self._newest_s
 

@@ -149,12 +149,14 @@ class SpokeJoiner:
         self._open, self._held, self._has_gap = [message], len(message.level), lost > 0
         self._open_s = self._beam.time_s(self._angle, time_s, arrived_s)
         state.clock_stands = self._beam.clock_stands
+        if self._beam.paused:
+            self._turn_s = math.nan  # turns are missing
         turn = self._angle // FULL_TURN
         if turn > self._turn:
             if turn == self._turn + 1 and math.isfinite(self._turn_s):
                 state.turns += 1
                 state.period_s, state.spokes_a_turn = self._open_s - self._turn_s, self._turn_spokes
-            self._turn_s = self._open_s if self._turn >= 0 else math.nan  # the first turn is not whole
+            self._turn_s = math.nan if self._turn < 0 or self._beam.paused else self._open_s  # the first turn is not whole
             self._turn, self._turn_spokes = turn, 0
         self._turn_spokes += 1
 

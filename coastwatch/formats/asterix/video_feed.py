@@ -146,7 +146,7 @@ class VideoDecoder:
             if heard_s - before.heard_s < SECOND_S:
                 return None
             self._videos += self._joiners.pop((before.sac, before.sic)).take(all_of_them=True)
-        self.counts.radars[name] = state = VideoState(name, *key)
+        self.counts.radars[name] = state = VideoState(name, *key, heard_s=heard_s)
         self._joiners[key] = joiner = SpokeJoiner(origin.number, radars.site_deg[origin.number], state)
         return joiner
 
