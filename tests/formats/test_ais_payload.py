@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,11 @@ from hypothesis import strategies as st
 from pyais.constants import ShipType
 from pyais.messages import AISSentence
 
-from coastwatch.batches import AisStatics, PositionAccuracy
+from coastwatch.batches import AisStatics, PositionAccuracy, Reports
 from coastwatch.formats.intake.ais_validation import AisRows, StaticRows
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.timestamps import checksum
+from coastwatch.formats.nmea.ais import encode
 from coastwatch.formats.nmea.messages import Assembler, checksums_are_right
 from coastwatch.formats.nmea.payload import NEEDED_BITS, STATIC_BITS_19, decoded
 from coastwatch.formats.nmea.sentences import ReceivedSentence
@@ -141,3 +143,18 @@ def test_no_sentence_gives_no_row() -> None:
     assert len(rows) == len(statics) == len(static_rows) == 0
     assert not tally.faults()
     assert isinstance(rows.mmsi, np.ndarray)
+
+
+def test_sizes_that_are_sent_are_rounded_and_held_to_the_limits_of_their_fields() -> None:
+    sizes = [(99.6, 0.4, 10.6, 9.5), (600.0, 20.0, 21.0, 80.0), (-30.0, 130.0, 9.0, 9.0), (math.nan,) * 4, (math.nan,) * 4]
+    sides = np.array(sizes).T
+    lengths, beams = np.array([100.0, 620.0, 100.0, 81.7, 2000.0]), np.array([20.1, 101.0, 18.0, 12.6, 300.0])
+    statics = AisStatics(
+        received_s=np.arange(5.0), mmsi=np.arange(211_000_001, 211_000_006), name=np.full(5, "X"),
+        call_sign=np.full(5, "Y"), ship_type=np.full(5, 70), length_m=lengths, beam_m=beams, to_bow_m=sides[0],
+        to_stern_m=sides[1], to_port_m=sides[2], to_starboard_m=sides[3],
+    )  # fmt: skip
+    lines = [line.rsplit(b"\\", 1)[1] for line in encode(replace(Reports.empty(), statics=statics), {})]
+    _, found, _, _ = ours(lines)
+    got = np.stack([found.to_bow_m, found.to_stern_m, found.to_port_m, found.to_starboard_m], axis=-1)
+    assert got.tolist() == [[100, 0, 11, 10], [511, 20, 21, 63], [0, 130, 9, 9], [41, 41, 7, 6], [511, 511, 63, 63]]

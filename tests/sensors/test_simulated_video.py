@@ -11,7 +11,7 @@ import pytest
 
 from coastwatch.geodesy import offset_deg, to_plane
 from coastwatch.scenario import load_scenario
-from coastwatch.sensors.simulated.video import _disc, motion_of
+from coastwatch.sensors.simulated.video import Ship, _disc, motion_of
 
 pytestmark = pytest.mark.contract
 
@@ -158,3 +158,9 @@ def test_the_ais_of_a_ship_comes_from_its_antenna_with_heading_and_size():
     assert sides == [[280.0], [20.0], [21.0], [21.0]]
     assert len(recording.beside.ais) > len(arrived.ais)
     assert len(recorded(8)[0].beside) == 0
+
+
+def test_an_antenna_lies_on_its_ship():
+    with pytest.raises(ValueError, match=r"antenna_m: got -20\.0, needed -16\.0 to 16\.0: half of length_m"):
+        Ship(latitude_deg=54.0, longitude_deg=12.0, length_m=32.0, antenna_m=-20.0)
+    assert Ship(latitude_deg=54.0, longitude_deg=12.0, length_m=32.0, antenna_m=-16.0).antenna_m == -16.0

@@ -40,6 +40,7 @@ CLOCKS = b"ZDA", b"RMC"
 FAR_CLOCK = "clock sentence far from the clock of this machine, time of arrival taken"
 
 TWICE_WITHIN_S = AisIntake().duplicate_within_s
+MOST_SIDES_M = np.array([[511], [511], [63], [63]])  # to bow, stern, port and starboard: ITU-R M.1371-5, annex 8, 3.3.3
 NO_COURSE, NO_SPEED, NO_STATUS, NO_HEADING = 360.0, 102.3, 15, 511
 
 
@@ -262,11 +263,11 @@ def _position_lines(reports: AisReports) -> Iterator[bytes]:
 
 
 def _static_lines(statics: AisStatics) -> Iterator[bytes]:
-    for k in range(len(statics)):
-        length, beam = (0 if math.isnan(x) else int(x) for x in (statics.length_m[k], statics.beam_m[k]))
-        middle = length - length // 2, length // 2, beam - beam // 2, beam // 2
-        stated = statics.to_bow_m[k], statics.to_stern_m[k], statics.to_port_m[k], statics.to_starboard_m[k]
-        bow, stern, port, starboard = middle if np.isnan(stated).any() else map(int, stated)
+    length, beam = np.rint(np.nan_to_num([statics.length_m, statics.beam_m]))
+    middle = np.stack([length - length // 2, length // 2, beam - beam // 2, beam // 2])
+    stated = np.rint([statics.to_bow_m, statics.to_stern_m, statics.to_port_m, statics.to_starboard_m])
+    sides_m = np.clip(np.where(np.isnan(stated).any(axis=0), middle, stated), 0, MOST_SIDES_M).astype(np.int64).T.tolist()
+    for k, (bow, stern, port, starboard) in enumerate(sides_m):
         message = {
             "msg_type": 5,
             "mmsi": int(statics.mmsi[k]),

@@ -7,10 +7,10 @@ set here.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from coastwatch.batches import Array, Fault, FileContent, Floats, Ints, RadarVideo, Recording, Reports, Sensors, Videos
 from coastwatch.errors import InputError
@@ -49,7 +49,13 @@ class Ship(Settings):
     legs: tuple[Leg, ...] = ()  # one after the other, again and again; none: straight on
     length_m: Positive = 32.0
     width_m: Positive = 11.0
-    antenna_m: Annotated[float, Field(ge=-250.0, le=250.0)] = 0.0  # of its AIS, ahead of the middle positive
+    antenna_m: Annotated[float, Field(ge=-250.0, le=250.0)] = 0.0  # of its AIS on the ship, ahead of the middle positive
+
+    @model_validator(mode="after")
+    def _has_its_antenna(self) -> Self:
+        if abs(self.antenna_m) > (half_m := 0.5 * self.length_m):
+            raise InputError(f"antenna_m: got {self.antenna_m}, needed {-half_m} to {half_m}: half of length_m")
+        return self
 
 
 class SimulatedVideo(Method):
