@@ -288,6 +288,20 @@ def test_what_is_sent_is_what_comes():
     assert made.counts.radars["south"].spokes_lost == 0
 
 
+@pytest.mark.parametrize("bits", [4, 16, 32])
+def test_cells_of_any_bits_are_sent_in_datagrams(bits):
+    time_s, cells = np.array([START_S + 100.0, START_S + 100.01]), 40_000
+    sent = RadarVideo(
+        sensor=0, first_m=0.0, cell_m=4.5, time_s=time_s, received_s=time_s, azimuth_rad=np.array([1.0, 1.01]),
+        site_deg=np.tile([54.0, 12.0], (2, 1)), level=np.arange(2 * cells, dtype=np.uint8).reshape(2, -1) % 16, bits=bits,
+    )  # fmt: skip
+    found = renumbered(datagrams(replace(Reports.empty(), video=Videos((sent,))), {}), video_feed.Counter())
+    assert max(map(len, found)) < 65_507
+    (got,) = video(decoder({}), [(START_S + 101.0, data, 0) for data in found])
+    assert np.array_equal(got.level, sent.level)
+    assert got.bits == bits
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32), st.integers(1, 3), st.sampled_from([1, 2, 4, 8, 16, 32]), st.booleans())
 def test_nothing_that_is_damaged_stops_a_feed(seed, parts, bits, compressed):

@@ -37,7 +37,7 @@ MOST_WAITING_BYTES = 256 << 20
 """Of the spokes of a feed that wait for their cycle. The oldest go first."""
 
 LEAST_CELL_M = 0.05
-MOST_PART = 32_768  # cells of a message that is sent: a datagram has at most 65,507 octets
+MOST_PART = 32_768  # cells of a message that is sent, and octets of them: a datagram has at most 65,507
 NUMBER_AT = 8  # octet of a message that `encode` makes at which its number is, of four
 KEY_AT = 5  # the same of SAC and SIC
 
@@ -256,9 +256,10 @@ def datagrams(reports: Reports, names: SensorNames) -> list[bytes]:
         middle = video.azimuth_rad * (FULL_TURN / (2.0 * np.pi))
         half = 0.5 * _step(middle)
         start, end = ((middle + off).round().astype(np.int64) % FULL_TURN for off in (-half, half))
+        most = MOST_PART * 8 // max(video.bits, 8)
         rows = zip(video.time_s.tolist(), start.tolist(), end.tolist(), video.level, video.missing.tolist(), strict=True)
         for time_s, begin, stop, level, (lost, to) in rows:
-            for low, high in _pieces(len(level), lost, to):
+            for low, high in _pieces(len(level), lost, to, most):
                 message = VideoMessage(
                     SAC, video.sensor + 1, 0, begin, stop, first + low, duration_fs, level[low:high], time_s % DAY_S, video.bits
                 )
@@ -271,10 +272,10 @@ def _step(azimuth: Floats) -> float:
     return float(np.median(np.diff(azimuth) % FULL_TURN)) if len(azimuth) > 1 else 0.0
 
 
-def _pieces(cells: int, lost: int, to: int) -> list[tuple[int, int]]:
-    """The cells of each message of a spoke. Args: lost, to: what did not come of it."""
+def _pieces(cells: int, lost: int, to: int, most: int) -> list[tuple[int, int]]:
+    """The cells of each message of a spoke. Args: lost, to: what did not come of it; most: cells of a message."""
     spans = [(0, cells)] if lost == to else [(0, lost), (to, cells)]
-    return [(low, min(low + MOST_PART, high)) for begin, high in spans for low in range(begin, high, MOST_PART)]
+    return [(low, min(low + most, high)) for begin, high in spans for low in range(begin, high, most)]
 
 
 def renumbered(messages: list[bytes], sent: Counter[bytes]) -> list[bytes]:
