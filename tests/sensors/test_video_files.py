@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+import tracemalloc
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import dpkt
 import numpy as np
 import pytest
 from matplotlib import image
+from PIL import Image
 from video_world import CELLS, PERIOD_S, SPOKES, START_S, arrivals, captured, messages, sensors
 
 from coastwatch.batches import RadarVideo, Sensors
@@ -155,12 +157,38 @@ def test_pictures_are_masked_turned_by_their_heading_and_read_around_the_antenna
     assert found.faults() == ()
 
 
+@pytest.mark.parametrize("mode", ["1", "L", "I;16", "P", "RGB", "RGBA"])
+def test_pictures_of_every_kind_have_the_levels_that_they_show(mode, tmp_path):
+    grey = np.full((2 * CENTRE + 1, 2 * CENTRE + 1), 255, np.uint8)
+    grey[:, CENTRE:] = 0
+    shown = Image.fromarray(grey.astype(np.uint16) * 257) if mode == "I;16" else Image.fromarray(grey).convert(mode)
+    shown.save(tmp_path / "a.png")
+    (tmp_path / "turns.csv").write_text("file,time\na.png,2026-07-01T00:00:00Z\n")
+    plain = Pictures(table=tmp_path / "turns.csv", radar="north", pixel_m=1.0, radius_pixels=CENTRE, spokes=8)
+    (turn,) = stream(pictures=(plain,))[0].between(-math.inf, math.inf).video.parts
+    assert (turn.level[:4] == 0).all()
+    assert (turn.level[4:, 2:] == 255).all()
+
+
+def test_a_picture_takes_little_memory_and_a_masked_middle_is_empty(tmp_path):
+    image.imsave(tmp_path / "a.png", np.full((1_500, 1_500, 3), 7, np.uint8))
+    (tmp_path / "turns.csv").write_text("file,time\na.png,2026-07-01T00:00:00Z\n")
+    found, _ = stream(pictures=(settings(tmp_path, disc_pixels=20.0, radius_pixels=64),))
+    tracemalloc.start()
+    (turn,) = found.between(-math.inf, math.inf).video.parts
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert turn.level[:, :20].max() == 0
+    assert turn.level[:, 20:].min() == turn.level.max() == 7
+    assert peak < 30e6  # 2.25 million pixels in four bytes, twice; of floats 100 MB and more
+
+
 def test_bad_pictures_are_counted_with_their_row_and_the_others_read(tmp_path, monkeypatch):
     picture(tmp_path, "good.png", (60.0, 50.0))
     picture(tmp_path, "small.png", size=2 * CENTRE - 1)
     (tmp_path / "text.png").write_text("no picture, whatever its name says")
     (tmp_path / "cut.png").write_bytes((tmp_path / "good.png").read_bytes()[:200])
-    (tmp_path / "bomb.png").write_bytes(pictures.PNG + b"\0\0\0\rIHDR" + (60_000).to_bytes(4, "big") * 2)
+    (tmp_path / "bomb.png").write_bytes(pictures.PNG + b"\0\0\0\rIHDR" + (4_001).to_bytes(4, "big") * 2)
     rows = [
         "good.png,1,5",
         "none.png,2,5",

@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Array, FileContent, Floats, Radars, RadarVideo
+from coastwatch.batches import Array, FileContent, Radars, RadarVideo
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.sensors.recorded.files import existing_path
@@ -21,7 +21,7 @@ from coastwatch.stage import NotNegative, Positive, Settings
 
 GREY = np.array([0.299, 0.587, 0.114])  # weights of red, green and blue
 PNG = b"\x89PNG\r\n\x1a\n"
-MOST_PIXELS = 64_000_000
+MOST_PIXELS = 16_000_000
 NO_HEADING, NO_TIME = "picture without heading", "picture without time"
 NO_PICTURE, OTHER_SIZE, TOO_LARGE = "no picture in PNG", "picture of another size", "picture too large"
 COLUMNS = {
@@ -109,9 +109,7 @@ class PictureStream:
         colours = self._picture(self._folder / self._files[row], where)
         if colours is None:
             return None
-        masked = _masked(colours, s)
-        level = np.rint(colours @ GREY).astype(np.uint8)
-        height, width = level.shape
+        height, width = colours.shape[:2]
         x, y = ((width - 1) / 2.0, (height - 1) / 2.0) if s.centre is None else s.centre
         azimuth = (np.arange(s.spokes) + 0.5) * (2.0 * np.pi / s.spokes)
         turned = azimuth - (self._heading_rad[row] if s.head_up else 0.0)
@@ -119,8 +117,12 @@ class PictureStream:
         columns = np.rint(x + np.sin(turned)[:, None] * reach).astype(np.int64)
         rows = np.rint(y - np.cos(turned)[:, None] * reach).astype(np.int64)
         inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width) & (reach >= s.disc_pixels)
-        at = np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
-        polar = _filled(level[at], inside & ~masked[at])
+        seen = colours[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)]
+        for left, top, right, bottom in s.rectangles:
+            inside &= (columns < left) | (columns >= right) | (rows < top) | (rows >= bottom)
+        for colour in s.colours:
+            inside &= (np.abs(seen - np.array(colour, np.int16)) > s.colour_tolerance).any(axis=2)
+        level = _filled(np.rint(seen @ GREY).astype(np.uint8), inside)
         time_s = np.full(s.spokes, self._time_s[row])
         self._taken, self._count = [*self._taken[:1], float(time_s[0])], self._count + 1
         return RadarVideo(
@@ -131,11 +133,11 @@ class PictureStream:
             received_s=time_s,
             azimuth_rad=np.asarray(azimuth, np.float64),
             site_deg=np.tile(self._site_deg[row], (s.spokes, 1)),
-            level=polar,
+            level=level,
         )
 
-    def _picture(self, path: Path, where: str) -> Floats | None:
-        """The colours of a picture, 0 to 255; None: it cannot be used. (height, width, 3)"""
+    def _picture(self, path: Path, where: str) -> Array | None:
+        """The colours of a picture, 0 to 255; None: it cannot be used. (height, width, 3) uint8"""
         try:
             with path.open("rb") as file:
                 begin = file.read(24)
@@ -154,34 +156,25 @@ class PictureStream:
                 OTHER_SIZE, where, f"{path}: got {width} x {height} pixels, needed {self._size[0]} x {self._size[1]}"
             )
             return None
-        from matplotlib import image  # it takes half a second, and only pictures need it
+        from PIL import Image  # it takes a while, and only pictures need it
 
         try:
-            found = np.asarray(image.imread(path, format="png"), np.float64) * 255.0
+            with Image.open(path, formats=["PNG"]) as picture:
+                if picture.mode.startswith("I"):  # grey of 16 bits
+                    found = np.repeat((np.asarray(picture)[..., None] // 257).astype(np.uint8), 3, axis=2)
+                else:
+                    found = np.asarray(picture.convert("RGBA"))[..., :3]
         except Exception as error:  # whatever the library raises on damaged bytes
             self._tally.add(NO_PICTURE, where, f"{path}: {error}")
             return None
         self._size = width, height
-        return (
-            found[..., :3]
-            if found.ndim == 3 and found.shape[2] >= 3
-            else np.repeat(found.reshape(height, width, -1)[..., :1], 3, 2)
-        )
-
-
-def _masked(colours: Floats, s: Pictures) -> Array:
-    """Which pixels are no video. (height, width) bool"""
-    masked = np.zeros(colours.shape[:2], np.bool_)
-    for left, top, right, bottom in s.rectangles:
-        masked[top:bottom, left:right] = True
-    for colour in s.colours:
-        masked |= (np.abs(colours - np.array(colour, np.float64)) <= s.colour_tolerance).all(axis=2)
-    return masked
+        return found
 
 
 def _filled(level: Array, good: Array) -> Array:
-    """The levels, with the median of their range in place of those that are not good. (S, C) uint8 each"""
+    """The levels, with the median of their range in place of those that are not good; 0: there is none. (S, C) uint8 each"""
     if good.all():
         return level
-    usual = np.nanmedian(np.where(good, level, np.nan), axis=0)
-    return np.asarray(np.where(good, level, np.rint(np.nan_to_num(usual)).astype(np.uint8)))
+    seen, usual = good.any(axis=0), np.zeros(level.shape[1], np.uint8)
+    usual[seen] = np.rint(np.nanmedian(np.where(good, level, np.nan)[:, seen], axis=0)).astype(np.uint8)
+    return np.where(good, level, usual)
