@@ -99,6 +99,18 @@ def test_a_bomb_gives_no_more_than_it_announces():
     assert len(found[0].level) == 100
 
 
+def test_octets_after_the_last_cell_are_padding():
+    whole = encode(message(100))  # 25 blocks of 4 octets
+    at = whole.index(bytes([0, 100, 0, 0, 100]))
+    padded = whole[: at + 2] + (97).to_bytes(3, "big") + whole[at + 5 :]
+    found, faults = decode(padded)
+    assert faults == []
+    assert np.array_equal(found[0].level, message(100).level[:97])
+    found, faults = decode(whole[: at + 2] + (101).to_bytes(3, "big") + whole[at + 5 :])
+    assert not found
+    assert faults == ["cells: fewer than announced; got 100 octets, needed 101"]
+
+
 @given(st.integers(0, 2**32), st.binary(max_size=60))
 def test_damaged_messages_are_faults_and_never_errors(seed, noise):
     rng = np.random.default_rng(seed)

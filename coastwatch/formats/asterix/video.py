@@ -171,18 +171,18 @@ def _video(sac: int, sic: int, items: dict[int, bytes]) -> VideoMessage:
     packed, code = bool(items[RESOLUTION][0] & 0x80), items[RESOLUTION][1]
     if code not in BITS or cells > MOST_CELLS:
         raise VideoFault(f"cells: more than 65,536, or of an unknown size; got {cells} of code {code}")
-    raw, need = items[block][1 : 1 + octets], -(-cells * BITS[code] // 8)
+    raw, need = items[block][1 : 1 + octets], -(-cells * BITS[code] // 8)  # what is longer is padded
     if packed:
         try:
-            raw = zlib.decompressobj().decompress(raw, max(need, 1))[:need]  # never more than it announces
+            raw = zlib.decompressobj().decompress(raw, max(need, 1))  # never more than it announces
         except zlib.error as error:
             raise VideoFault("cells: not in zlib") from error
-    if len(raw) != need:
-        raise VideoFault(f"cells: not as many as announced; got {len(raw)} octets, needed {need}")
+    if len(raw) < need:
+        raise VideoFault(f"cells: fewer than announced; got {len(raw)} octets, needed {need}")
     time_s = int.from_bytes(items[TIME], "big") / DAY_STEPS if TIME in items else NAN
     number = int.from_bytes(items[NUMBER], "big")
     duration_fs = duration * (NS_FS if header == NANO else 1)
-    level = _levels(raw, BITS[code], cells)
+    level = _levels(raw[:need], BITS[code], cells)
     return VideoMessage(sac, sic, number, start, end, first_cell, duration_fs, level, time_s, BITS[code], packed)
 
 
