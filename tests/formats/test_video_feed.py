@@ -208,6 +208,18 @@ def test_radars_are_those_of_the_address_or_by_number():
         decoder({"25/1": "moon"})
 
 
+def test_a_radar_that_changes_its_sac_keeps_its_spokes_and_their_counts():
+    shown: list[RadarVideo] = []
+    made = decoder({}, on_video=shown.append)
+    made.decode(arrivals(messages(turns=0.1, parts=2), parts=2)[:9], None)  # four spokes and a part
+    later_s = START_S + 60.0
+    video(made, arrivals(messages(turns=0.1, sac=9, parts=2, begun_s=later_s), later_s, parts=2))
+    counts = made.counts
+    assert sum(map(len, shown)) == counts.records == 5 + 26
+    assert counts.ledger.beside[video_feed.FURTHER_PARTS] == 4 + 26
+    assert counts.ledger.read == counts.records + sum(counts.ledger.beside.values())
+
+
 def test_a_text_of_a_radar_is_shown_and_absurd_video_is_refused():
     made = decoder()
     summary = bytes([240, 0, 12, 0b11010000, 25, 1, 1, 4]) + b"NOVA"

@@ -62,6 +62,7 @@ class VideoDecoder:
         self._joiners: dict[tuple[int, int], SpokeJoiner] = {}
         self._senders: dict[tuple[int, int], _Sender] = {}
         self._videos: list[RadarVideo] = []  # that wait for their cycle
+        self._former_parts = 0  # further parts of spokes under a SAC and SIC that a radar had before
 
     @property
     def has_dates(self) -> bool:
@@ -145,7 +146,8 @@ class VideoDecoder:
         if (before := self.counts.radars.get(name)) is not None:
             if heard_s - before.heard_s < SECOND_S:
                 return None
-            self._videos += self._joiners.pop((before.sac, before.sic)).take(all_of_them=True)
+            self._keep(self._joiners.pop((before.sac, before.sic)).take(all_of_them=True))
+            self._former_parts += before.messages - before.spokes
         self.counts.radars[name] = state = VideoState(name, *key, heard_s=heard_s)
         self._joiners[key] = joiner = SpokeJoiner(origin.number, radars.site_deg[origin.number], state)
         return joiner
@@ -180,10 +182,9 @@ class VideoDecoder:
     def _collect(self, *, all_of_them: bool) -> None:
         """Take what the radars have completed. Args: as of `SpokeJoiner.take`."""
         for joiner in self._joiners.values():
-            for video in joiner.take(all_of_them=all_of_them):
-                self._feed.on_video(video)
-                self._videos.append(video)
-        further = sum(joiner.state.messages - joiner.state.spokes - joiner.waiting for joiner in self._joiners.values())
+            self._keep(joiner.take(all_of_them=all_of_them))
+        joiners = self._joiners.values()
+        further = self._former_parts + sum(one.state.messages - one.state.spokes - one.waiting for one in joiners)
         if further:
             self.counts.ledger.beside[FURTHER_PARTS] = further
         size = sum(video.level.nbytes for video in self._videos)
@@ -191,6 +192,12 @@ class VideoDecoder:
             oldest = self._videos.pop(0)
             size -= oldest.level.nbytes
             self.counts.dropped += len(oldest)
+
+    def _keep(self, videos: list[RadarVideo]) -> None:
+        """Show video, and let it wait for its cycle."""
+        for video in videos:
+            self._feed.on_video(video)
+        self._videos += videos
 
 
 def _joined(parts: list[RadarVideo]) -> tuple[RadarVideo, ...]:
