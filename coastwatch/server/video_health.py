@@ -33,7 +33,7 @@ class VideoHealth:
         for name, state in list(self._radars.items()):
             looks = self._looks.setdefault(name, deque())
             if looks and state.spokes < looks[-1][1]:
-                looks.clear()  # it is heard under another SAC and SIC
+                looks = self._looks[name] = deque()  # heard under another SAC and SIC; another thread may read the old one
             looks.append((at_s, state.spokes, state.spokes_lost + state.parts_lost))
             while looks[0][0] < at_s - WITHIN_S:
                 looks.popleft()
