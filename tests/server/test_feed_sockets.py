@@ -105,6 +105,21 @@ def test_an_inbox_is_bounded_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not inbox.is_full
 
 
+def test_each_datagram_that_is_taken_makes_room_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("coastwatch.server.feeds.transport.MOST_BYTES", 12)
+    inbox, full = Inbox(parsed("ais+udp://:1")), []
+
+    class Line(bytes):
+        def __len__(self) -> int:
+            full.append(inbox.is_full)  # as the thread that receives may ask while others are taken
+            return super().__len__()
+
+    inbox.put([Line(b"1234")] * 3, 12, 0)
+    full.clear()
+    inbox.pop_first(3)
+    assert full == [True, False, False]
+
+
 def test_of_datagrams_without_room_the_oldest_go_and_are_counted_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("coastwatch.server.feeds.transport.MOST_BYTES", 10_000)
     with receiving("asterix+udp://127.0.0.1:0") as made:
