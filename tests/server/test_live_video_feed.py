@@ -116,5 +116,6 @@ def test_video_that_is_sent_over_a_group_is_served_as_tracks(
     assert (radar["cells"], radar["bits"], radar["range_m"]) == (256, 8, pytest.approx(5556.0, abs=2.0))
     assert 1.0 <= radar["plots_a_turn"] < 60.0
     assert 8.0 < radar["threshold_db"] < 40.0
-    assert 'coastwatch_radar_state{radar="radar",value="spokes_a_turn"} 512.0' in said
-    assert 'coastwatch_radar_total{count="spokes_lost",radar="radar"} 0.0' in said
+    name = feed["name"]
+    assert f'coastwatch_radar_state{{feed="{name}",radar="radar",value="spokes_a_turn"}} 512.0' in said
+    assert f'coastwatch_radar_total{{count="spokes_lost",feed="{name}",radar="radar"}} 0.0' in said

@@ -12,6 +12,7 @@ from video_world import sensors
 
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Extractions, RadarCover
 from coastwatch.formats.video_state import VideoState
+from coastwatch.operators.api.metrics import Metrics
 from coastwatch.server.link import Link
 from coastwatch.server.troubles import Trouble, of_feeds
 from coastwatch.server.video_health import PlotsOfVideo, VideoHealth
@@ -68,6 +69,19 @@ def test_troubles_of_radars_are_among_those_of_the_server():
     radars = VideoHealth({"north": state(clock_stands=True)}).states(NOW_S)
     feed = {**Link().as_feed("a feed", radars=radars), "silent_s": 0.0}
     assert of_feeds([feed], NOW_S) == [Trouble("video", "north", None, radars[0]["troubles"][0], False)]
+
+
+def test_a_radar_of_two_feeds_has_metrics_of_each():
+    feeds = [
+        Link().as_feed(name, radars=VideoHealth({"north": state(spokes_lost=lost)}).states(NOW_S))
+        for name, lost in (("left", 1), ("right", 2))
+    ]
+    metrics = Metrics()
+    metrics.ask(lambda: (True, {}, feeds, []))
+    lines = [line for line in metrics.text().decode().splitlines() if line.startswith("coastwatch_radar")]
+    for lost, name in ((1, "left"), (2, "right")):
+        assert f'coastwatch_radar_total{{count="spokes_lost",feed="{name}",radar="north"}} {lost}.0' in lines
+    assert len({line.rpartition(" ")[0] for line in lines}) == len(lines)
 
 
 def test_plots_a_turn_threshold_and_what_was_learnt_are_added():

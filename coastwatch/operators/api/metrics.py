@@ -129,22 +129,25 @@ class _Asked:
         of_feeds = CounterMetricFamily("coastwatch_feed", "Counts of a feed", labels=["feed", "count"])
         connected = GaugeMetricFamily("coastwatch_feed_connected", "1: a feed has a connection, or needs none", labels=["feed"])
         silent = GaugeMetricFamily("coastwatch_feed_silent_seconds", "For how long nothing has come of a feed", labels=["feed"])
-        of_radars = CounterMetricFamily("coastwatch_radar", "Counts of the video of a radar", labels=["radar", "count"])
-        states = GaugeMetricFamily("coastwatch_radar_state", "What is known of the video of a radar", labels=["radar", "value"])
+        of_radars = CounterMetricFamily("coastwatch_radar", "Counts of the video of a radar", labels=["feed", "radar", "count"])
+        states = GaugeMetricFamily(
+            "coastwatch_radar_state", "What is known of the video of a radar", labels=["feed", "radar", "value"]
+        )
         stopped = GaugeMetricFamily(
-            "coastwatch_radar_silent_seconds", "For how long no video of a radar has come", labels=["radar"]
+            "coastwatch_radar_silent_seconds", "For how long no video of a radar has come", labels=["feed", "radar"]
         )
         for feed in feeds:
+            of_feed = str(feed["name"])
             for radar in feed.get("radars", ()):
-                of = str(radar["name"])
+                of = [of_feed, str(radar["name"])]  # two feeds may have video of one radar
                 for name in OF_RADAR:
-                    of_radars.add_metric([of, name], float(radar[name]))
+                    of_radars.add_metric([*of, name], float(radar[name]))
                 for name in RADAR_STATE:
                     if radar[name] is not None:
-                        states.add_metric([of, name], float(radar[name]))
-                stopped.add_metric([of], float(radar["silent_s"]))
+                        states.add_metric([*of, name], float(radar[name]))
+                stopped.add_metric(of, float(radar["silent_s"]))
             for name in OF_FEED:
-                of_feeds.add_metric([str(feed["name"]), name], float(feed[name]))
-            connected.add_metric([str(feed["name"])], float(feed["connected"]))
-            silent.add_metric([str(feed["name"])], float(feed["silent_s"]))
+                of_feeds.add_metric([of_feed, name], float(feed[name]))
+            connected.add_metric([of_feed], float(feed["connected"]))
+            silent.add_metric([of_feed], float(feed["silent_s"]))
         yield from (of_feeds, connected, silent, of_radars, states, stopped)
