@@ -61,7 +61,7 @@ class VideoHealth:
             "bits": s.bits,
             "compressed": s.compressed,
             "parts": s.parts,
-            "time_of_day": s.has_time_of_day and not s.clock_stands,
+            "time_of_day": s.has_time_of_day and not s.clock_stuck,
             "spokes": s.spokes,
             "spokes_lost": s.spokes_lost,
             "parts_lost": s.parts_lost,
@@ -84,7 +84,7 @@ def _troubles(s: VideoState, silent_s: float, counts: tuple[int, int], now_s: fl
         sentences.append(f"its video has stopped: nothing has come for {silent_s:.0f} s")
     if lost >= LEAST_LOST and lost > LOST_SHARE * (spokes + lost):
         sentences.append(f"{lost} of {spokes + lost} spokes of the last minute were lost, or a part of them")
-    if s.clock_stands:
+    if s.clock_stuck:
         sentences.append("its time of day does not go on: the time of arrival is taken")
     if s.senders is not None and now_s - s.second_s < SECOND_SHOWN_S:
         used, other = s.senders

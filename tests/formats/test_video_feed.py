@@ -158,7 +158,7 @@ def test_a_clock_that_stands_is_noticed_and_arrivals_taken():
     items = arrivals([m._replace(time_of_day_s=5.0) for m in messages(turns=4)], late_s=0.0)
     made = decoder()
     every = video(made, items)
-    assert made.counts.radars["north"].clock_stands
+    assert made.counts.radars["north"].clock_stuck
     last = every[-1]
     assert last.time_s[-1] == pytest.approx(START_S + 4 * PERIOD_S, abs=0.02)
 

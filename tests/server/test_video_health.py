@@ -62,11 +62,11 @@ def test_two_senders_and_a_clock_that_stands_are_said():
     (said,) = troubles(doubled)
     assert said == "two senders have its SAC 25, SIC 1: 10.0.0.1:8600, which is used, and 10.0.0.2:8600, which is not"
     assert troubles(replace(doubled, second_s=NOW_S - 90.0)) == []
-    assert troubles(state(clock_stands=True)) == ["its time of day does not go on: the time of arrival is taken"]
+    assert troubles(state(clock_stuck=True)) == ["its time of day does not go on: the time of arrival is taken"]
 
 
 def test_troubles_of_radars_are_among_those_of_the_server():
-    radars = VideoHealth({"north": state(clock_stands=True)}).states(NOW_S)
+    radars = VideoHealth({"north": state(clock_stuck=True)}).states(NOW_S)
     feed = {**Link().as_feed("a feed", radars=radars), "silent_s": 0.0}
     assert of_feeds([feed], NOW_S) == [Trouble("video", "north", None, radars[0]["troubles"][0], False)]
 

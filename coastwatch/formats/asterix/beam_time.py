@@ -7,18 +7,15 @@ from collections import deque
 
 import numpy as np
 
-FULL_TURN = 65_536  # units of azimuth of CAT 240
-SECTOR = FULL_TURN // 128  # whose mean is a point of the line
-TURN_SECTORS = 128
-LEAST_SECTORS = 8  # of a line
-STANDS_SECTORS, STANDS_S, STANDS_SHARE = 32, 1.0, 0.5
-"""A clock stands that goes less than this share of the arrivals, over so many sectors and seconds."""
-
-FAR_S, MOST_FAR = 0.1, 8
-"""A sector that is so far off the line does not count; after so many of them in a row the line begins again."""
-
-PAUSE_S = 1.5
-"""A spoke so long after the one before begins a new line: the antenna may have turned unseen. Clocks may tick whole seconds."""
+FULL_TURN = 65_536  # units of azimuth of CAT 240 in a turn
+TURN_SECTORS = 128  # in a turn; a point of the line is the mean of one sector
+SECTOR = FULL_TURN // TURN_SECTORS  # width of a sector, units of azimuth
+LEAST_SECTORS = 8  # points of a line
+STUCK_CLOCK_SECTORS, STUCK_CLOCK_S = 32, 1.0  # least points and seconds of arrival over which a clock is judged
+STUCK_CLOCK_RATE = 0.5  # seconds of the clock of the radar in a second of arrival, below which the clock is stuck
+OUTLIER_S = 0.1  # distance of a point from the line, s, above which it is an outlier
+MOST_OUTLIERS = 8  # outliers in a row after which a new line begins with them
+PAUSE_S = 1.5  # from spoke to spoke, above which a new line begins; more than the tick of a clock of whole seconds
 
 TIME, ARRIVED = 1, 2  # columns of a point
 
@@ -27,18 +24,13 @@ class BeamTime:
     """The line through the last turn of one radar. What it says of a spoke does not depend on later ones."""
 
     def __init__(self) -> None:
-        self.clock_stands = False
+        self.clock_stuck = False
         self._points: deque[tuple[float, float, float]] = deque(maxlen=TURN_SECTORS)  # mean angle, time and arrival of a sector
-        self._far: list[tuple[float, float, float]] = []  # sectors in a row that are far off the line
+        self._outliers: list[tuple[float, float, float]] = []  # in a row, the newest last
         self._line: tuple[float, float, float] | None = None  # middle angle, time there, seconds a unit
         self._sector: float = -math.inf
-        self._count, self._angle, self._time, self._arrived = (
-            0,
-            0.0,
-            0.0,
-            0.0,
-        )  # sums of the sector, of what is over its first spoke
-        self._first = (0.0, 0.0, 0.0)
+        self._first = (0.0, 0.0, 0.0)  # angle, time and arrival of the first spoke of the sector
+        self._count, self._angle, self._time, self._arrived = 0, 0.0, 0.0, 0.0  # spokes, and sums relative to the first
         self._newest_s = -math.inf
         self._before_s = (math.nan, math.nan)  # stamp and arrival of the spoke before
         self.paused = False  # whether the newest spoke came after a pause
@@ -49,12 +41,12 @@ class BeamTime:
         Args: angle: FULL_TURN a turn, growing from turn to turn; time_s: as stamped, or of arrival; arrived_s: NaN: not known.
         """
         sector, given_s, before_s = angle // SECTOR, (time_s, arrived_s), self._before_s
-        self.paused = given_s[self.clock_stands] - before_s[self.clock_stands] > PAUSE_S
+        self.paused = given_s[self.clock_stuck] - before_s[self.clock_stuck] > PAUSE_S
         self._before_s = given_s
         if self.paused:
             self._line, self._sector, self._count = None, -math.inf, 0
             self._points.clear()
-            self._far.clear()
+            self._outliers.clear()
         if sector > self._sector:
             if self._count:
                 self._close()
@@ -69,7 +61,7 @@ class BeamTime:
             middle, there_s, unit_s = self._line
             at_s = there_s + (angle - middle) * unit_s
         else:
-            at_s = given_s[self.clock_stands]
+            at_s = given_s[self.clock_stuck]
         self._newest_s = max(self._newest_s, at_s)
         return self._newest_s
 
@@ -82,18 +74,18 @@ class BeamTime:
             self._fit()
             return
         middle, there_s, unit_s = self._line
-        given_s = point[ARRIVED if self.clock_stands else TIME]
-        if abs(given_s - there_s - (point[0] - middle) * unit_s) <= FAR_S:
-            self._far.clear()
+        given_s = point[ARRIVED if self.clock_stuck else TIME]
+        if abs(given_s - there_s - (point[0] - middle) * unit_s) <= OUTLIER_S:
+            self._outliers.clear()
             self._points.append(point)
         else:
-            self._far.append(point)
-            if len(self._far) < MOST_FAR:
+            self._outliers.append(point)
+            if len(self._outliers) < MOST_OUTLIERS:
                 return
             self._points.clear()
-            self._points.extend(self._far)
-            self._far.clear()
-            if given_s < self._newest_s - FAR_S:  # its clock was set back
+            self._points.extend(self._outliers)
+            self._outliers.clear()
+            if given_s < self._newest_s - OUTLIER_S:  # its clock was set back
                 self._newest_s = -math.inf
         self._fit()
 
@@ -104,14 +96,14 @@ class BeamTime:
             return
         points = np.array(self._points) - self._points[0]
         came_s, went_s = points[-1, ARRIVED], points[-1, TIME]
-        if count >= STANDS_SECTORS and came_s > STANDS_S:
-            self.clock_stands = bool(went_s < STANDS_SHARE * came_s)
-        column = ARRIVED if self.clock_stands else TIME
+        if count >= STUCK_CLOCK_SECTORS and came_s > STUCK_CLOCK_S:
+            self.clock_stuck = bool(went_s < STUCK_CLOCK_RATE * came_s)
+        column = ARRIVED if self.clock_stuck else TIME
         angle, given_s = points[:, 0], points[:, column]
         off = angle - angle.mean()
-        spread = float(off @ off)
-        if spread == 0.0:
+        variance = float(off @ off)  # times the number of points
+        if variance == 0.0:
             return
-        unit_s = float(off @ given_s) / spread
+        unit_s = float(off @ given_s) / variance
         origin = self._points[0]
         self._line = (origin[0] + float(angle.mean()), origin[column] + float(given_s.mean()), unit_s) if unit_s > 0.0 else None

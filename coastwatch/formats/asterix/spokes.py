@@ -148,7 +148,7 @@ class SpokeJoiner:
         self._start = message.start
         self._open, self._held, self._has_gap = [message], len(message.level), lost > 0
         self._open_s = self._beam.time_s(self._angle, time_s, arrived_s)
-        state.clock_stands = self._beam.clock_stands
+        state.clock_stuck = self._beam.clock_stuck
         if self._beam.paused:
             self._turn_s = math.nan  # turns are missing
         turn = self._angle // FULL_TURN

@@ -159,7 +159,7 @@ def _told(text: str, radars: dict[tuple[int, int], _Radar], texts: dict[tuple[in
         yield f"  depth         {s.bits} bits, {'compressed (zlib)' if s.compressed else 'not compressed'}"
         clock = (
             "stands: that of arrival is taken"
-            if s.clock_stands
+            if s.clock_stuck
             else "sent"
             if s.has_time_of_day
             else "not sent: that of arrival is taken"
