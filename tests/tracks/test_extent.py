@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from radar_world import two_radars
 
-from coastwatch.batches import Plots
-from coastwatch.geodesy import wrap_deg
+from coastwatch.batches import Messages, Plots
+from coastwatch.geodesy import difference_m, from_plane, wrap_deg
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import RegionInput, TableTracker
 from coastwatch.tracks.radar.extent import Hulls, averaged, axes, echoes_of, joined
@@ -142,20 +142,57 @@ def test_a_tracker_reports_the_size_of_a_ship_in_pieces_as_one_track_and_resumes
     assert found.tracks.echo_axis_deg[0] == pytest.approx(90.0, abs=0.5)
 
 
-def test_a_ship_under_way_that_began_as_two_tracks_is_one_and_ships_at_rest_stay_two():
-    def found(speed):
-        tracker, sensors = TableTracker(method="sided_imm"), two_radars()
-        sensors = replace(sensors, radars=replace(sensors.radars, beam_rad=np.full(2, np.radians(1.0))))
-        memory, period_s = tracker.init(), float(sensors.radars.period_s[0])
-        for turn in range(24):
-            now_s = 1.7e9 + turn * period_s
-            middle = np.array([1500.0 + speed * turn * period_s, 1500.0])
-            ends = middle + np.array([[-75.0, 0.0], [75.0, 0.0]])
-            given = plots([now_s, now_s + 1e-3], ends, [moments(150.0, 42.0, 90.0)] * 2, [5.0, 5.0])
-            memory, out = tracker.step(memory, RegionInput.of_plots(given, now_s + 0.1, sensors))
-        return out.tracks
+def followed(method, speed):
+    """The tracks of each of 24 turns of a ship in two halves, and where its middle is; AIS is at its aft half for ten turns."""
+    tracker, sensors = TableTracker(method=method), two_radars()
+    sensors = replace(sensors, radars=replace(sensors.radars, beam_rad=np.full(2, np.radians(1.0))))
+    memory, period_s, out = tracker.init(), float(sensors.radars.period_s[0]), []
+    for turn in range(24):
+        now_s = 1.7e9 + turn * period_s
+        middle = np.array([[1500.0 + speed * turn * period_s, 1500.0]])
+        ends = middle + np.array([[-75.0, 0.0], [75.0, 0.0]])
+        given = plots([now_s, now_s + 1e-3], ends, [moments(150.0, 42.0, 90.0)] * 2, [5.0, 5.0])
+        ais_m = ends[:1] if turn < 10 else middle
+        heard = Messages(np.full(1, now_s + 0.05), ais_m, 25.0 * np.eye(2)[None], np.full(1, 1000), np.zeros(1, np.int64))
+        of_cycle = RegionInput.of_plots(given, now_s + 0.1, sensors)._replace(messages=heard)
+        memory, found = tracker.step(memory, of_cycle)
+        out.append((found.tracks, from_plane(middle, sensors.region_origin_deg[0])))
+    return out
 
-    whole = found(5.0)
+
+@pytest.mark.parametrize("method", ["sided_imm", "vimmjipda", "guided_vimmjipda"])
+def test_a_ship_under_way_that_began_as_two_tracks_is_one_in_its_middle_and_ships_at_rest_stay_two(method):
+    out = followed(method, 5.0)
+    whole = out[-1][0]
     assert len(whole) == 1
     assert whole.echo_length_m[0] == pytest.approx(300.0, abs=3.0)
-    assert len(found(0.0)) == 2
+    began = next(k for k, (tracks, _) in enumerate(out) if len(tracks) == 2)
+    errors = [np.hypot(*difference_m(tracks.position_deg, at)[0]) for tracks, at in out[began:] if len(tracks) == 1]
+    assert max(errors) < 20.0
+    assert whole.held_mmsi.tolist() == [1000 if method == "guided_vimmjipda" else -1]
+    assert len(followed(method, 0.0)[-1][0]) == 2
+
+
+def test_pieces_longer_together_than_the_longest_ship_stay_apart_and_no_size_is_given_of_longer_echoes():
+    """A hull of 400 m has boats at both ends: as one they would be 690 m long, and the mean of the track would take in still more."""
+    boat = moments(20.0, 6.0, 90.0)
+    given = plots([1.0, 1.1], [[-200.0, 1000.0], [200.0, 1000.0]], [boat, boat], [10.0, 10.0])
+    found = joined(given, hulls((0.0, 1000.0, 400.0, 42.0, 90.0, -1.4)), np.array([PERIOD_S]))
+    np.testing.assert_array_equal(found.position_m, given.position_m)
+    extent = np.array([moments(450.0, 42.0, 90.0), moments(500.0, 42.0, 90.0)])
+    size = echoes_of(extent, np.full(2, 50.0), np.full((2, 2), 3.0))
+    np.testing.assert_allclose(size.length_m, [450.0, np.nan])
+    assert np.isnan([size.width_m[1], size.axis_deg[1]]).all()
+
+
+def test_an_echo_longer_than_any_ship_takes_in_no_other_echo():
+    """A breakwater of 800 m that is a track: a boat beside it stays a plot of its own."""
+    tracker, sensors = TableTracker(method="sided_imm"), two_radars()
+    sensors = replace(sensors, radars=replace(sensors.radars, beam_rad=np.full(2, np.radians(1.0))))
+    memory, period_s = tracker.init(), float(sensors.radars.period_s[0])
+    for turn in range(16):
+        now_s = 1.7e9 + turn * period_s
+        at = [[1500.0, 1500.0], [1800.0, 1510.0]]
+        given = plots([now_s, now_s + 1e-3], at, [moments(800.0, 30.0, 90.0), moments(20.0, 6.0, 90.0)], [9.0, 1.0])
+        memory, found = tracker.step(memory, RegionInput.of_plots(given, now_s + 0.1, sensors))
+    assert len(found.tracks) == 2

@@ -18,7 +18,8 @@ LEAST_PLOTS = 5  # in the mean, before a size is given
 LENGTH_OF_MOMENT = 12.0
 WIDER, BEYOND_M = 1.15, 15.0  # a piece is inside so much more of the half axes, and so much beyond
 UNDER_WAY_M_S = KNOT_M_S  # a slower ship has an axis, but no heading
-LONGEST_M, IN_LINE_RAD, ALIKE_M_S = 460.0, np.radians(30.0), 1.5  # of two ends of one ship: no ship is longer
+LONGEST_M = 460.0  # no ship is longer
+IN_LINE_RAD, ALIKE_M_S = np.radians(30.0), 1.5  # of two ends of one ship
 GLINT = 0.1  # share of the second moment that is in the variance of a plot, as in `plots.video`
 
 
@@ -65,7 +66,7 @@ def axes(extent: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def echoes_of(extent: Floats, beam_m: Floats, velocity_m_s: Floats) -> Echoes:
-    """Size and axis of ships that are longer than the beam is wide.
+    """Size and axis of ships that are longer than the beam is wide, and no longer than the longest ship.
 
     Args: extent: (N, 3) m2, NaN: not known; beam_m: (N,) width of the beam at each; velocity_m_s: (N, 2) east, north.
     """
@@ -73,7 +74,7 @@ def echoes_of(extent: Floats, beam_m: Floats, velocity_m_s: Floats) -> Echoes:
     speed, course = np.hypot(velocity_m_s[:, 0], velocity_m_s[:, 1]), np.arctan2(velocity_m_s[:, 0], velocity_m_s[:, 1])
     backwards = np.abs(wrap_rad(angle - course)) > 0.5 * np.pi
     turned = np.where(speed > UNDER_WAY_M_S, np.degrees(angle) + np.where(backwards, 180.0, 0.0), np.degrees(angle) % 180.0)
-    known = length > beam_m  # not where either is not a number
+    known = (length > beam_m) & (length <= LONGEST_M)  # not where either is not a number
     return Echoes(
         np.where(known, length, np.nan),
         np.where(known & (width > 0.0), width, np.nan),
@@ -82,10 +83,11 @@ def echoes_of(extent: Floats, beam_m: Floats, velocity_m_s: Floats) -> Echoes:
 
 
 def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> Plots:
-    """The plots with the pieces of a hull that one radar saw in one look as one plot; of several hulls around it the longest has a piece.
+    """The plots, with the pieces that one radar saw of one hull in one look as one plot. (M'), M' <= M
 
-    Weights, moments and places add up. A piece is left out where the track took a plot of this look before: the hull was cut by the end
-    of a cycle. Args: hulls: (N); period_s: (R,) of one turn of each radar.
+    A piece in several hulls is of the longest. Weights, moments and positions add up. Pieces that together are longer than the longest
+    ship stay apart. A piece is left out where the track took a plot of this look before: the end of a cycle cut the hull.
+    Args: plots: (M); hulls: (N); period_s: (R,) seconds of one turn of each radar.
     """
     measured = np.flatnonzero(np.isfinite(plots.extent[:, 0]) & (plots.weight > 0.0))
     if not len(measured) or not len(hulls.time_s):
@@ -104,11 +106,13 @@ def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> Plots:
     radar, time_s = plots.sensor[row], plots.time_s[row]
     first = np.ones(len(row), np.bool_)
     first[1:] = (hull[1:] != hull[:-1]) | (radar[1:] != radar[:-1]) | (np.diff(time_s) > 0.5 * period_s[radar[1:]])
-    keep[row[~first]] = False
-    together = _sums(plots.take(row), np.cumsum(first) - 1, first)
+    group = np.cumsum(first) - 1
+    together = _sums(plots.take(row), group, first)
+    fits = axes(together.extent)[0] <= LONGEST_M
+    keep[row[~first & fits[group]]] = False
     whole = replace(plots, **{name: getattr(plots, name).copy() for name in SUMMED})
     for name in SUMMED:
-        getattr(whole, name)[row[first]] = getattr(together, name)
+        getattr(whole, name)[row[first][fits]] = getattr(together, name)[fits]
     return whole.take(keep)
 
 

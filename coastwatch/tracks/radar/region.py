@@ -27,7 +27,17 @@ from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.association import AnyAssociation, MultiHypothesis
 from coastwatch.tracks.radar.clutter import standing_echoes
-from coastwatch.tracks.radar.extent import LEAST_PLOTS, MOST_WEIGHT, Hulls, as_one_ship, averaged, axes, ends_of_one, joined
+from coastwatch.tracks.radar.extent import (
+    LEAST_PLOTS,
+    LONGEST_M,
+    MOST_WEIGHT,
+    Hulls,
+    as_one_ship,
+    averaged,
+    axes,
+    ends_of_one,
+    joined,
+)
 from coastwatch.tracks.radar.messages import Guiding, NoMessages, Sequential, WithMessages, begin_unnamed, in_order
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.plot_batches import cut, is_usable
@@ -229,6 +239,11 @@ def _with_whole_ships(parts: Parts, memory: RadarMemory, time_s: float) -> Radar
     table.combined_mean[rows[one], :2] += shift_m
     table.state[rows[one], :, :2] += shift_m[:, None, :]
     table.extent[rows[one]] = extent
+    if (alone := memory.plots_alone).models:
+        has_filter = alone.has_filter(rows[one])
+        slots, shift_m = rows[one][has_filter], shift_m[has_filter]
+        alone.combined_mean[slots, :2] += shift_m
+        alone.state[slots, :, :2] += shift_m[:, None, :]
     return replace(memory, table=table.without(np.isin(table.live, rows[other])))
 
 
@@ -237,7 +252,9 @@ def _hulls(parts: Parts, memory: RadarMemory, time_s: float, least: int) -> tupl
     table = memory.table
     rows = parts.upkeep.shown(table, time_s)
     rows = rows[table.extents[rows] >= least]
-    rows = rows[axes(table.extent[rows])[0] > _beam_m(memory, rows, table.combined_mean[rows, :2], parts.sensors)]
+    length = axes(table.extent[rows])[0]
+    beam_m = _beam_m(memory, rows, table.combined_mean[rows, :2], parts.sensors)
+    rows = rows[(length > beam_m) & (length <= LONGEST_M)]
     return rows, Hulls(table.updated_s[rows], table.combined_mean[rows], table.extent[rows], table.radar_s[rows])
 
 
