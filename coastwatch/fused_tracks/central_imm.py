@@ -126,7 +126,7 @@ class CentralImm(FusionMethod):
     bearing_probability: PositiveShare = 0.99  # least, of bearings that are used; 1: none
     bearing_gate_sigmas: Positive = 4.0  # bearings farther from the filter are not used
     bearing_floor_m: NotNegative = 5.0  # standard deviation across the line of sight beside that of the bearing: the hull
-    bearing_rest_s: NotNegative = (
+    bearing_pause_s: NotNegative = (
         6.0  # after a plot or report for which bearings less certain than the filter are not used; 0: all are
     )
     bearing_registration: NotNegative = 20.0  # times the variance of the sensor's bias is added: all bearings share it
@@ -300,7 +300,7 @@ class CentralImm(FusionMethod):
         position, noise, near, better = _bearing_positions(
             before, ahead_s, site_m, b.bearing_rad, variance, self.bearing_floor_m, self.bearing_gate_sigmas
         )
-        near &= better | (b.time_s >= tracked_s[filter_of] + self.bearing_rest_s) | (self.bearing_rest_s == 0.0)
+        near &= better | (b.time_s >= tracked_s[filter_of] + self.bearing_pause_s) | (self.bearing_pause_s == 0.0)
         order = np.flatnonzero(near)
         order = order[np.lexsort((b.bearing_rad[order], b.time_s[order], filter_of[order]))]
         z, full = np.full((len(order), 4), np.nan), np.zeros((len(order), 4, 4))

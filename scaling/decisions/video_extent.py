@@ -129,7 +129,7 @@ def size(case: Case, seeds: range, turns: int) -> dict[str, float]:
 def hulls_of(memory: RadarMemory, beam_rad: float) -> Hulls:
     """The tracks of known length of one radar, before a cycle."""
     table = memory.table
-    rows = table.live[table.extents[table.live] >= LEAST_PLOTS]
+    rows = table.live[table.extent_plots[table.live] >= LEAST_PLOTS]
     if len(rows):
         far_m = np.hypot(*(table.combined_mean[rows, :2] - memory.site_m[0]).T)
         rows = rows[(axes(table.extent[rows])[0] > beam_rad * far_m) & (table.status[rows] == 2)]

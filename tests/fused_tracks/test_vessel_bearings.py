@@ -157,7 +157,7 @@ def test_a_bearing_coarser_than_the_filter_does_not_move_a_vessel_with_plots(mon
     monkeypatch.setattr("test_vessel_bearings.SIGMA_RAD", np.radians(3.0))
     nothing_said = errors(CentralImm(bearing_floor_m=1e6))
     np.testing.assert_allclose(errors(CentralImm()), nothing_said, atol=0.01)
-    assert np.abs(errors(CentralImm(bearing_rest_s=0.0)) - nothing_said).max() > 1.0
+    assert np.abs(errors(CentralImm(bearing_pause_s=0.0)) - nothing_said).max() > 1.0
 
 
 def test_the_known_bias_of_a_sensor_moves_nothing():

@@ -23,7 +23,7 @@ from coastwatch.kernels.tracks.existence import SURELY, after, missed
 TWO_PI = 2.0 * math.pi
 FAINT = 1e-250  # of a likelihood
 ROUNDING = 1e-6  # of costs that are summed in another order
-DEAR = 6.0  # cost of a miss above that of its only plot, from which it may be left out
+LEAST_MISS_COST = 6.0  # cost of a miss above that of its only plot, from which it may be left out
 LEAST = 1e-12  # of the probability that a vessel gives a plot
 
 
@@ -255,7 +255,7 @@ def grow(leaves, first, plot, look, columns, chain, renewal, models):  # type: i
         if time - leaves.radar_time[i, look.radar] > 0.5 * look.period:
             _miss(out, unseen, look.detection)
         is_lone = k == unseen + 2 and look.lone[plot[first[i]]]
-        if is_lone and out.cost[unseen] - out.cost[unseen + 1] > DEAR and _is_similar(steps, first[i]):
+        if is_lone and out.cost[unseen] - out.cost[unseen + 1] > LEAST_MISS_COST and _is_similar(steps, first[i]):
             _copy(out, unseen + 1, out, unseen)
             k = unseen + 1
     return _cut(out, k), steps

@@ -146,7 +146,7 @@ def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: Plot
     table.existence_s[slots] = batch.time[plots]
     table.looked_s[slots] = batch.time[plots][:, None]
     table.misses[slots] = 0
-    table.extents[slots] = 0
+    table.extent_plots[slots] = 0
     table.origins[slots] = -1
     table.origins[slots, 0] = batch.origin[plots]
     alone = memory.plots_alone.with_slots(len(table.track_id))

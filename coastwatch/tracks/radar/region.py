@@ -142,7 +142,7 @@ def update_region(
             begin_unnamed(queue.rules, memory.table, memory.table.live[before:])
         got = np.flatnonzero(slot >= 0)
         taken[batch.first + got] = memory.table.track_id[slot[got]]
-        averaged(memory.table.extent, memory.table.extents, slot[got], plots.extent[batch.first + got])
+        averaged(memory.table.extent, memory.table.extent_plots, slot[got], plots.extent[batch.first + got])
         if batch.ends_slice:
             radars = _radars(memory, ours, specified, sensors)
             memory = _end_slice(association, parts, memory, radars, ours, float(batch.columns.time[-1]))
@@ -229,7 +229,7 @@ def _whole_hulls(parts: Parts, memory: RadarMemory, plots: Plots, time_s: float)
 def _with_whole_ships(parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
     """The memory with one track for two that are the ends of one ship: the older, moved to the middle of both. In place."""
     table = memory.table
-    if np.count_nonzero(table.extents[table.live]) < 2 or len(memory.forest.leaves.slot):
+    if np.count_nonzero(table.extent_plots[table.live]) < 2 or len(memory.forest.leaves.slot):
         return memory
     rows, hulls = _hulls(parts, memory, time_s, MOST_WEIGHT)
     one, other = ends_of_one(hulls, time_s)
@@ -251,7 +251,7 @@ def _hulls(parts: Parts, memory: RadarMemory, time_s: float, least: int) -> tupl
     """The slots of confirmed tracks of known length, the older first, and their hulls. Args: least: plots in the mean."""
     table = memory.table
     rows = parts.upkeep.shown(table, time_s)
-    rows = rows[table.extents[rows] >= least]
+    rows = rows[table.extent_plots[rows] >= least]
     length = axes(table.extent[rows])[0]
     beam_m = _beam_m(memory, rows, table.combined_mean[rows, :2], parts.sensors)
     rows = rows[(length > beam_m) & (length <= LONGEST_M)]
@@ -268,7 +268,7 @@ def _reported(
     table = memory.table
     extent = np.full((len(rows), 3), np.nan)
     beam_m = np.full(len(rows), np.nan)
-    known = np.flatnonzero(table.extents[rows] >= LEAST_PLOTS)
+    known = np.flatnonzero(table.extent_plots[rows] >= LEAST_PLOTS)
     if len(known):
         extent[known] = table.extent[rows[known]]
         beam_m[known] = _beam_m(memory, rows[known], now.mean[known, :2], sensors)

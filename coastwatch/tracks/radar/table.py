@@ -66,7 +66,7 @@ class Table(Struct):
     particles: Floats = column(np.float64, "S", "P", 4)  # at updated_s, of trackers that have them
     origins: Ints = column(np.int64, "S", NEWEST)  # of the newest plots, newest first; -1 beyond the first
     extent: Floats = column(np.float64, "S", 3)  # mean second moments of the echo, m2: east, east and north, north
-    extents: Ints = column(np.int64, "S")  # plots in it, at most `extent.MOST_WEIGHT`
+    extent_plots: Ints = column(np.int64, "S")  # plots in it, at most `extent.MOST_WEIGHT`
 
     def __len__(self) -> int:
         return len(self.live)
