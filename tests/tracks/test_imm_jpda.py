@@ -117,6 +117,18 @@ def test_a_track_outlives_an_occlusion_and_ends_by_thirty_misses():
     assert [len(tracks) for tracks in out[6:]] == [1] * 6 + [0] * 8
 
 
+@pytest.mark.parametrize("case", ["out of range", "silent radar"])
+def test_a_track_without_looks_ends_after_as_many_turns(case):
+    short = LITERAL.model_copy(update={"end_misses": 5, "end_looks": 6})
+    plots, radars = lone(tuple(range(8))), SENSORS.radars
+    if case == "out of range":
+        sensors = replace(SENSORS, radars=replace(radars, range_m=np.full(1, 100.0)))
+    else:
+        sensors, plots = SENSORS, plots.take(plots.time_s < 8.0 * PERIOD_S)
+    _, out = run(short, plots, 20, sensors)
+    assert [len(tracks) for tracks in out[6:]] == [1] * 8 + [0] * 6
+
+
 def test_what_is_too_uncertain_ends():
     unsure = LITERAL.model_copy(update={"end_m": 30.0})
     _, out = run(unsure, lone(tuple(range(8))), 30, SENSORS)

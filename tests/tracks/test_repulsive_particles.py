@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,8 +14,8 @@ from coastwatch.plots import ExtractionInput, over_background
 from coastwatch.regional import RegionCycle, reports_of_regions, start_region, step_of_regions
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import RegionInput, RepulsiveParticles
-from coastwatch.tracks.radar.repulsive_particles.memory import Window
+from coastwatch.tracks import RegionInput, RegionOutput, RepulsiveParticles
+from coastwatch.tracks.radar.repulsive_particles.memory import ParticlesMemory, Window
 
 pytestmark = pytest.mark.contract
 
@@ -96,6 +97,74 @@ def test_a_window_goes_on_over_north_and_begins_again_with_another_scale():
     np.testing.assert_allclose(np.degrees(window.angle), [350.0, 355.0, 362.0, 367.0])
     assert np.degrees(window.newest(np.radians(6.0)).angle).tolist() == pytest.approx([362.0, 367.0])
     assert len(window.with_spokes(excess([8.0], [0.4], cells=8))) == 1
+
+
+def test_a_clock_that_is_set_back_begins_the_window_again():
+    first, second = excess([10.0, 20.0, 30.0], [100.0, 100.1, 100.2]), excess([40.0, 50.0], [100.15, 70.0])
+    none = Window(0.0, 10.0, np.zeros(0), np.zeros(0), first.half_db[:0])
+    whole = none.with_spokes(first).with_spokes(excess([40.0], [100.15]))
+    assert whole.time_s.tolist() == [100.0, 100.1, 100.2, 100.2], "jitter"
+    window = none.with_spokes(first).with_spokes(second)
+    assert (np.degrees(window.angle).round(9).tolist(), window.time_s.tolist()) == ([50.0], [70.0])
+
+
+def turn(from_s: float, set_back_s: float = 0.0) -> RadarExcess:
+    """One turn of 360 spokes in 2.4 s, with a ship at rest at 1,000 m on 090. Args: set_back_s: of the clock, in mid-turn."""
+    azimuth_deg = np.arange(360.0)
+    levels = np.zeros((360, 200), np.int8)
+    levels[85:96, 95:106] = 30
+    time_s = from_s + azimuth_deg / 150.0 - set_back_s * (azimuth_deg >= 180.0)
+    site_deg = np.tile(SENSORS.radars.site_deg[0], (360, 1))
+    return RadarExcess(0, 0.0, 10.0, time_s, np.radians(azimuth_deg), site_deg, levels)
+
+
+def echo(time_s: float) -> Plots:
+    """The plot of the ship."""
+    none, at, site = np.zeros(1, np.int64), np.array([[1005.0, 0.0]]), np.zeros((1, 2))
+    return Plots(none, none, np.full(1, time_s), at, 100.0 * np.eye(2)[None], site, np.full(1, 1005.0), np.full(1, 1.57), none)
+
+
+def follow(turns: int) -> tuple[ParticlesMemory, RegionOutput]:
+    """The memory and the tracks after so many turns of the ship."""
+    memory = SMALL.init()
+    for k in range(turns):
+        given = RegionInput.of_plots(echo(2.4 * k + 0.6), 2.4 * (k + 1), SENSORS)
+        memory, found = SMALL.step(memory, given._replace(video=(turn(2.4 * k),)))
+    return memory, found
+
+
+SMALL, SENSORS = RepulsiveParticles(particles=100), load_scenario("heymann-table-1", QUICK).sensors()
+
+
+def test_a_filter_ends_five_turns_after_the_video_has_stopped():
+    memory, found = follow(12)
+    assert len(found.tracks) == 1
+    seen = []
+    for k in range(12, 24):
+        memory, found = SMALL.step(memory, RegionInput.of_plots(Plots.empty(), 2.4 * (k + 1), SENSORS))
+        seen.append(len(found.tracks))
+    assert seen == [1] * 4 + [0] * 8
+
+
+def test_filters_begin_again_where_the_clock_of_the_video_is_set_back():
+    """First in mid-turn, then by a minute between two turns."""
+    memory, _ = follow(12)
+    for k, video in ((12, turn(28.8, set_back_s=20.0)), (13, turn(31.2 - 60.0))):
+        given = RegionInput.of_plots(Plots.empty(), 2.4 * (k + 1), SENSORS)
+        memory, found = SMALL.step(memory, given._replace(video=(video,)))
+        assert len(found.tracks) == 0
+        assert (np.diff(memory.windows[0].time_s) >= 0.0).all()
+
+
+def test_a_first_spoke_alone_is_looked_at():
+    video = turn(0.0)
+    one = replace(
+        video,
+        **{name: getattr(video, name)[90:91] for name in ("time_s", "azimuth_rad", "site_deg", "half_db")},
+    )
+    given = RegionInput.of_plots(echo(0.6), 0.7, SENSORS)
+    memory, found = SMALL.step(SMALL.init(), given._replace(video=(one,)))
+    assert (len(found.tracks), len(memory.windows[0])) == (0, 1)
 
 
 def test_levels_are_over_the_background_that_extraction_has_learnt():

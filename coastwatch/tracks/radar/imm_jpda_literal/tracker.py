@@ -137,7 +137,10 @@ class ImmJpdaLiteral(Method):
             )
             memory, taken[rows] = self._take(memory, measured)
             memory = self._end_looks(memory, measured, float(radars.range_m[radar]))
-        confirmed = memory.confirmed
+        # Out of range, or while its radars are silent, a track has no looks that could end it.
+        recent = time_s - memory.confirmed.hit_s <= (self.end_looks + 1) * radars.period_s
+        confirmed = memory.confirmed.take(recent.any(axis=1))
+        memory = replace(memory, confirmed=confirmed)
         mean, covariance = kernels.filters.unscented.cartesian(confirmed.columns, float(time_s), self._motion)
         specified = to_plane(radars.site_deg[ours], sensors.region_origin_deg[region])
         site_m = np.where(np.isfinite(memory.site_m[ours]), memory.site_m[ours], specified)

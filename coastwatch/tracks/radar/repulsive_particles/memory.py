@@ -11,6 +11,7 @@ from coastwatch.batches import Array, Batch, Bools, Floats, Ints, RadarExcess
 from coastwatch.batches.struct import Struct, column
 
 TURN_RAD = 2.0 * np.pi
+JITTER_S = 0.5  # a clock that goes back farther was set back
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ class Particles(Batch):
 
 @dataclass(frozen=True, eq=False)
 class Window(Struct):
-    """The newest spokes of a radar. Angles grow from turn to turn."""
+    """The newest spokes of a radar. Angles grow from turn to turn, and times never fall."""
 
     first_m: float
     cell_m: float
@@ -47,21 +48,19 @@ class Window(Struct):
         return len(self.angle)
 
     def with_spokes(self, video: RadarExcess) -> Window:
-        """This window with the spokes of a cycle behind; of another range scale those alone."""
+        """This window with the spokes of a cycle behind; only those after a change of scale, or after the clock was set back."""
         same = (video.first_m, video.cell_m, video.half_db.shape[1]) == (self.first_m, self.cell_m, self.half_db.shape[1])
         last = float(self.angle[-1]) if same and len(self) else float(video.azimuth_rad[0])
         steps = np.diff(video.azimuth_rad, prepend=last % TURN_RAD)
         forward = (steps + 0.5 * TURN_RAD) % TURN_RAD - 0.5 * TURN_RAD  # a beam may step back by jitter
         angle = np.maximum.accumulate(last + np.cumsum(forward))
-        if not same:
-            return Window(video.first_m, video.cell_m, angle, video.time_s, video.half_db)
-        return Window(
-            self.first_m,
-            self.cell_m,
-            np.concatenate([self.angle, angle]),
-            np.concatenate([self.time_s, video.time_s]),
-            np.concatenate([self.half_db, video.half_db]),
-        )
+        time_s, half_db = video.time_s, video.half_db
+        if same:
+            angle, time_s = np.concatenate([self.angle, angle]), np.concatenate([self.time_s, time_s])
+            half_db = np.concatenate([self.half_db, half_db])
+        back = np.flatnonzero(np.diff(time_s) < -JITTER_S)
+        first = int(back[-1]) + 1 if len(back) else 0
+        return Window(video.first_m, video.cell_m, angle[first:], np.maximum.accumulate(time_s[first:]), half_db[first:])
 
     def newest(self, kept_rad: float) -> Window:
         """The spokes of this angle behind the beam."""

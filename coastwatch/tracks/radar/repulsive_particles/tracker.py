@@ -33,6 +33,7 @@ SMOOTHED = 0.2  # weight of a look in the level of a filter
 PART_M = 150.0  # between two searches
 POWER = 4  # of the repulsion
 SIGMAS = 3.0  # of another filter, within which it pushes
+MOST_TURNS = 5.0  # without a look, after which a filter ends: the video has stopped
 NEVER_S = -np.inf
 
 
@@ -114,12 +115,19 @@ class RepulsiveParticles(Method):
             before = memory.windows.get(radar)
             empty = Window(video.first_m, video.cell_m, np.zeros(0), np.zeros(0), video.half_db[:0])
             window = (before or empty).with_spokes(video)
+            of_later = (memory.filters.sensor == radar) & (
+                memory.filters.looked_s > window.time_s[-1]
+            )  # its clock was set back
+            memory = replace(memory, filters=memory.filters.take(~of_later))
             period_s, range_m = float(radars.period_s[radar]), float(radars.range_m[radar])
             memory = self._looked(memory, window, radar, period_s, range_m)
             plots = usable.take(usable.sensor == radar)
             memory = self._begun(memory, window, radar, plots, period_s)
             memory = self._looked(memory, window, radar, period_s, range_m)
             memory = replace(memory, windows={**memory.windows, radar: window.newest(KEPT_RAD)})
+        filters = memory.filters
+        looked = given.time_s - filters.looked_s <= MOST_TURNS * radars.period_s[filters.sensor]
+        memory = replace(memory, filters=filters.take(looked))
         tracks = self._reported(memory, given)
         return memory, RegionOutput(tracks, Measurements.empty(), StandingEchoes.empty(), int((~good).sum()))
 
@@ -293,8 +301,9 @@ def _over(window: Window, off_m: Floats, angle: float) -> Floats:
     """
     away, azimuth = np.hypot(*off_m.T), np.arctan2(off_m[:, 0], off_m[:, 1])
     turned = angle + (azimuth - angle + np.pi) % TURN_RAD - np.pi
-    after = np.searchsorted(window.angle, turned).clip(1, max(len(window) - 1, 1))
-    nearest = np.where(turned - window.angle[after - 1] < window.angle[after] - turned, after - 1, after)
+    after = np.searchsorted(window.angle, turned).clip(0, len(window) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(turned - window.angle[before] < window.angle[after] - turned, before, after)
     cell = np.floor((away - window.first_m) / window.cell_m).astype(np.int64)
     spokes, cells = window.half_db.shape
     step = (window.angle[-1] - window.angle[0]) / max(spokes - 1, 1)
