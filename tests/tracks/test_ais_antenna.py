@@ -22,15 +22,15 @@ pytestmark = pytest.mark.contract
 HOME = np.array([54.3, 12.0])
 
 
-def reports(time_s, mmsi, heading):
-    """Reports of ships whose antennas are at HOME."""
+def reports(time_s, mmsi, heading, sog_kn=2.0):
+    """Reports of ships whose antennas are at HOME, on the course 090."""
     count = len(mmsi)
     return AisReports(
         time_s=np.full(count, float(time_s)) + 0.1 * np.arange(count),
         received_s=np.full(count, float(time_s)),
         mmsi=np.array(mmsi),
         position_deg=np.tile(HOME, (count, 1)),
-        sog_kn=np.full(count, 8.0),
+        sog_kn=np.full(count, float(sog_kn)),
         cog_deg=np.full(count, 90.0),
         class_b=np.zeros(count, bool),
         origin=np.arange(count),
@@ -87,11 +87,50 @@ def test_a_report_without_heading_has_that_of_the_report_before_and_without_any_
     memory, found = method.step(memory, (reports(3.0, [235000003], [np.nan]), AisStatics.empty(), 3.0))
     np.testing.assert_allclose(moved(found), 0.0, atol=1e-6)
     memory, found = method.step(memory, (reports(6.0, [235000003] * 3, [np.nan, 0.0, np.nan]), AisStatics.empty(), 6.0))
-    np.testing.assert_allclose(moved(found), [[0.0, 0.0], [-9.0, 130.0], [-9.0, 130.0]], atol=0.01)
-    memory, found = method.step(memory, (reports(9.0, [235000003], [np.nan]), AisStatics.empty(), 9.0))
+    np.testing.assert_allclose(moved(found), 0.0, atol=1e-6)  # the move begins
+    memory, found = method.step(memory, (reports(9.0, [235000003] * 3, [90.0, 0.0, np.nan]), AisStatics.empty(), 9.0))
+    np.testing.assert_allclose(moved(found), [[130.0, 9.0], [-9.0, 130.0], [-9.0, 130.0]], atol=0.01)
+    memory, found = method.step(memory, (reports(12.0, [235000003], [np.nan]), AisStatics.empty(), 12.0))
     np.testing.assert_allclose(moved(found), [[-9.0, 130.0]], atol=0.01)
     memory, found = method.step(memory, (reports(1e6, [1], [0.0]), AisStatics.empty(), 1e6))
     assert len(memory) == 0, "a ship that was not heard for a day is forgotten"
+
+
+def move(given):
+    """How far the reports of LARGE lie ahead of its antenna, on heading 090. Args: given: time, heading, speed, size or None."""
+    method, out = HullMiddle(), []
+    memory = method.init()
+    for time_s, heading, sog_kn, size in given:
+        statics = sizes(time_s, [size]) if size else AisStatics.empty()
+        memory, found = method.step(memory, (reports(time_s, [235000003], [heading], sog_kn), statics, time_s))
+        out.append(float(moved(found)[0, 0]))
+    return np.array(out)
+
+
+def test_a_new_size_moves_a_ship_as_slowly_as_the_first():
+    """Bow and stern are swapped after two minutes: from 130 m ahead of the antenna to 130 m aft of it."""
+    swapped = (LARGE[0], 20.0, 280.0, 30.0, 12.0)
+    given = [(t, 90.0, 8.0, LARGE if t == 0.0 else swapped if t == 120.0 else None) for t in np.arange(0.0, 240.0, 6.0)]
+    ahead = move(given)
+    assert np.abs(np.diff(ahead)).max() < 27.0
+    np.testing.assert_allclose(ahead[[20, 25, -1]], [130.0, 0.0, -130.0], atol=0.1)
+
+
+@pytest.mark.parametrize(("sog_kn", "ahead_m"), [(8.0, 0.0), (1.0, 130.0), (np.nan, 0.0)])
+def test_an_old_heading_moves_only_a_ship_that_is_not_under_way(sog_kn, ahead_m):
+    """The last heading is of the 60th second. After the 120th the ship goes back to its antenna, over a minute."""
+    times = np.arange(0.0, 300.0, 6.0)
+    ahead = move([(t, 90.0 if t <= 60.0 else np.nan, sog_kn, LARGE if t == 0.0 else None) for t in times])
+    np.testing.assert_allclose(ahead[times == 120.0], 130.0, atol=0.1)
+    np.testing.assert_allclose(ahead[-1], ahead_m, atol=0.1)
+    assert np.abs(np.diff(ahead)).max() < 14.0
+
+
+@pytest.mark.parametrize(("heading", "sog_kn", "moves"), [(155.0, 8.0, False), (145.0, 8.0, True), (155.0, 2.0, True)])
+def test_a_heading_far_from_the_course_under_way_is_none(heading, sog_kn, moves):
+    """The course is 090."""
+    ahead = move([(t, heading, sog_kn, LARGE if t == 0.0 else None) for t in np.arange(0.0, 120.0, 6.0)])
+    assert (abs(ahead[-1]) > 10.0) == moves
 
 
 @pytest.mark.whole

@@ -7,31 +7,44 @@ from typing import Literal
 
 import numpy as np
 
-from coastwatch.batches import AisReports, AisStatics, Batch, Floats, Ints, column
-from coastwatch.geodesy import offset_deg
+from coastwatch.batches import AisReports, AisStatics, Batch, Bools, Floats, Ints, column
+from coastwatch.geodesy import offset_deg, wrap_deg
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.stage import Method, Positive
 
 FORGOTTEN_S = 86_400.0  # after the newest report or size
+UNDER_WAY_KN = 3.0
+HEADING_S = 60.0  # for which a ship under way keeps the heading of an earlier report
+MOST_DRIFT_DEG = 60.0  # between heading and course of a ship under way: beyond it the heading is wrong
 
 
 @dataclass(frozen=True, eq=False)
 class Antennas(Batch):
-    """Large ships that said where their antenna is, sorted by MMSI."""
+    """Large ships that said where their antenna is, sorted by MMSI. Offsets are metres ahead and to starboard of the antenna."""
 
     mmsi: Ints = column(np.int64, "K")
-    ahead_m: Floats = column(np.float64, "K")  # from the antenna to the middle of the hull; negative: aft
-    starboard_m: Floats = column(np.float64, "K")
-    since_s: Floats = column(np.float64, "K")  # when this was first known
+    middle_m: Floats = column(np.float64, "K", 2)  # offset of the middle of the hull
+    from_m: Floats = column(np.float64, "K", 2)  # offset that positions had when their move began
+    to_m: Floats = column(np.float64, "K", 2)  # offset that they have at its end: that of the middle, or 0 without a heading
+    since_s: Floats = column(np.float64, "K")  # when the move began
     heard_s: Floats = column(np.float64, "K")
     heading_deg: Floats = column(np.float64, "K")  # the newest; NaN: none was sent
+    heading_s: Floats = column(np.float64, "K")  # when it was received
+    has_heading: Bools = column(np.bool_, "K")  # the newest report had one, or an earlier one that still holds
+
+    def offset_m(self, ship: Ints, time_s: Floats, ramp_s: float) -> Floats:
+        """The offset of each position, ahead and to starboard. (M, 2) Args: ship: (M,) rows; time_s: (M,); ramp_s: of a move."""
+        share = np.clip((time_s - self.since_s[ship]) / ramp_s, 0.0, 1.0)[:, None]
+        out: Floats = (1.0 - share) * self.from_m[ship] + share * self.to_m[ship]
+        return out
 
 
 class HullMiddle(Method):
     """The positions of ships of `from_m` or more that send their heading and where their antenna is, moved to the middle of the hull.
 
-    A position moves over `ramp_s`, from when the place of the antenna is known: no ship jumps. A report without heading has that of
-    the one before. A ship that sends no heading stays at its antenna.
+    A position moves over `ramp_s`, from when antenna and heading are known; to a new size it moves as slowly. No ship jumps. A report
+    without heading has that of an earlier one: under way, above 3 kn, for 60 s. A heading more than 60 deg from the course under way is
+    none. A ship that sends no heading is at its antenna.
     """
 
     method: Literal["hull_middle"] = "hull_middle"
@@ -46,29 +59,33 @@ class HullMiddle(Method):
         """The reports with the positions of large ships moved. Args: given: reports, sizes that came with them, time of the cycle."""
         reports, statics, time_s = given
         known = self._with_sizes(memory, statics)
-        if not len(known) or not len(reports):
+        if not len(known):
             return known, reports
         row = find(known.mmsi, reports.mmsi)
         mine = np.flatnonzero(row >= 0)
         mine = mine[np.lexsort((reports.time_s[mine], row[mine]))]
-        ship = row[mine]
-        heading = _carried(reports.heading_deg[mine], ship, known.heading_deg)
-        known = replace(known, heading_deg=known.heading_deg.copy(), heard_s=known.heard_s.copy())
-        known.heading_deg[ship] = heading  # of equal rows the newest stays
-        np.maximum.at(known.heard_s, ship, reports.received_s[mine])
-        has_heading = np.isfinite(heading)
-        mine, ship, heading = mine[has_heading], ship[has_heading], heading[has_heading]
-        share = np.clip((reports.received_s[mine] - known.since_s[ship]) / self.ramp_s, 0.0, 1.0)
-        sine, cosine = np.sin(np.radians(heading)), np.cos(np.radians(heading))
-        ahead, starboard = share * known.ahead_m[ship], share * known.starboard_m[ship]
-        position = reports.position_deg.copy()
+        ship, received_s = row[mine], reports.received_s[mine]
+        known, heading_deg = _with_headings(known, ship, reports.take(mine))
+        now_s, to_m = np.full(len(known), time_s), np.where(known.has_heading[:, None], known.middle_m, 0.0)
+        begins = (to_m != known.to_m).any(axis=1)
+        offset_m = known.offset_m(np.arange(len(known)), now_s, self.ramp_s)
+        known = replace(
+            known,
+            from_m=np.where(begins[:, None], offset_m, known.from_m),
+            to_m=to_m,
+            since_s=np.where(begins, now_s, known.since_s),
+        )
+        ahead, starboard = known.offset_m(ship, received_s, self.ramp_s).T
+        sine, cosine = np.sin(np.radians(heading_deg)), np.cos(np.radians(heading_deg))
         off_m = np.column_stack([ahead * sine + starboard * cosine, ahead * cosine - starboard * sine])
-        position[mine] = offset_deg(position[mine], off_m)
+        moved = np.isfinite(heading_deg) & ((ahead != 0.0) | (starboard != 0.0))
+        position = reports.position_deg.copy()
+        position[mine[moved]] = offset_deg(position[mine[moved]], off_m[moved])
         fresh = time_s - known.heard_s <= FORGOTTEN_S
         return known.take(fresh) if not fresh.all() else known, replace(reports, position_deg=position)
 
     def _with_sizes(self, known: Antennas, statics: AisStatics) -> Antennas:
-        """The ships, with those that sent their size now. A ship keeps the time since which it is known."""
+        """The ships, with those that sent their size now."""
         bow, stern, port, starboard = statics.to_bow_m, statics.to_stern_m, statics.to_port_m, statics.to_starboard_m
         stated = (bow + stern >= self.from_m) & (port + starboard > 0.0) & ((bow > 0.0) | (port > 0.0))
         if not stated.any():
@@ -76,25 +93,32 @@ class HullMiddle(Method):
         some = np.flatnonzero(stated)
         mmsi, last = np.unique(statics.mmsi[some][::-1], return_index=True)
         rows = some[::-1][last]
-        at = find(known.mmsi, mmsi)
-        now_s = statics.received_s[rows]
-        fresh = Antennas(
-            mmsi=mmsi,
-            ahead_m=0.5 * (bow - stern)[rows],
-            starboard_m=0.5 * (starboard - port)[rows],
-            since_s=np.where(at >= 0, np.append(known.since_s, 0.0)[at], now_s),
-            heard_s=now_s,
-            heading_deg=np.append(known.heading_deg, np.nan)[at],
-        )
-        kept = np.ones(len(known), np.bool_)
-        kept[at[at >= 0]] = False
-        joined = Antennas.join([known.take(kept), fresh])
-        return joined.take(np.argsort(joined.mmsi))
+        at, new = find(known.mmsi, mmsi), len(mmsi)
+        unknown, zero = np.full(new, np.nan), np.zeros((new, 2))
+        first = Antennas(mmsi, zero, zero, zero, np.zeros(new), np.zeros(new), unknown, unknown, np.zeros(new, np.bool_))
+        out = Antennas.join([known, first.take(at < 0)])
+        out = out.take(np.argsort(out.mmsi))
+        ship = find(out.mmsi, mmsi)
+        out.middle_m[ship] = 0.5 * np.column_stack([bow - stern, starboard - port])[rows]
+        out.heard_s[ship] = np.maximum(out.heard_s[ship], statics.received_s[rows])
+        return out
 
 
-def _carried(heading_deg: Floats, ship: Ints, before_deg: Floats) -> Floats:
-    """The headings, a missing one as in the report before. (M,) Args: ship: (M,) sorted rows; before_deg: (K,) of each ship before."""
-    place = np.arange(len(ship))
-    newest = np.maximum.accumulate(np.where(np.isfinite(heading_deg), place, -1))
-    begin = np.searchsorted(ship, ship)
-    return np.where(newest >= begin, heading_deg[newest], before_deg[ship])
+def _with_headings(known: Antennas, ship: Ints, reports: AisReports) -> tuple[Antennas, Floats]:
+    """The ships after these reports, and the heading at each report, NaN: none was sent yet. (M,)
+
+    Args: ship: (M,) row of each report, increasing; reports: (M,) of one ship in order of time.
+    """
+    under_way = ~(reports.sog_kn <= UNDER_WAY_KN)  # or of unknown speed
+    wrong = (reports.sog_kn > UNDER_WAY_KN) & (np.abs(wrap_deg(reports.heading_deg - reports.cog_deg)) > MOST_DRIFT_DEG)
+    newest = np.maximum.accumulate(np.where(np.isfinite(reports.heading_deg) & ~wrong, np.arange(len(ship)), -1))
+    here = newest >= np.searchsorted(ship, ship)
+    heading_deg = np.where(here, reports.heading_deg[newest], known.heading_deg[ship])
+    heading_s = np.where(here, reports.received_s[newest], known.heading_s[ship])
+    old = under_way & (reports.received_s - heading_s > HEADING_S)
+    names = ("heard_s", "heading_deg", "heading_s", "has_heading")
+    known = replace(known, **{name: getattr(known, name).copy() for name in names})
+    known.heading_deg[ship], known.heading_s[ship] = heading_deg, heading_s  # of equal rows the newest stays
+    known.has_heading[ship] = np.isfinite(heading_deg) & ~old
+    np.maximum.at(known.heard_s, ship, reports.received_s)
+    return known, heading_deg
