@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from coastwatch.batches import RadarReports, RadarVideo, Videos
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
 from coastwatch.plots import CfarExtraction, ExtractionInput
-from coastwatch.plots.video import AbsoluteExtraction
+from coastwatch.plots.video import AbsoluteExtraction, over_background
 from coastwatch.plots.video.masks import Masks, Scale, Sector, mask_of
 from coastwatch.plots.video.spokes import BEAM_IN_MOMENT, FWHM, PULSE_IN_MOMENT, VideoRadar
 from coastwatch.scenario.sites import Radar, sensors_of
@@ -261,6 +261,19 @@ def test_what_did_not_come_of_a_spoke_is_not_looked_at():
     missing[300:304] = 90, 200
     _, found = plots_of(AbsoluteExtraction(least_level=100), video(level, missing=missing), radars())
     assert len(found) == 0
+
+
+@pytest.mark.contract
+def test_levels_over_the_background_are_0_where_none_came():
+    level, missing = sea(600, 80, 7), np.zeros((600, 2), np.int64)
+    missing[500:600] = 30, 80
+    level[500:600, 30:80] = 0
+    some = video(level, missing=missing)
+    memory, _ = plots_of(CfarExtraction(), some, radars())
+    (over,) = over_background(memory, ExtractionInput(Videos((some,)), radars()))
+    assert not over.half_db[500:600, 30:80].any()
+    assert over.half_db[500:600, :30].any(axis=1).all()
+    assert over.half_db[:500, 30:80].any(axis=1).all()
 
 
 def test_nothing_is_found_on_the_land_of_the_sensors():

@@ -14,6 +14,7 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import (
     Array,
+    Bools,
     Extractions,
     Floats,
     Ints,
@@ -255,7 +256,7 @@ def in_decibels(level: Array, radar: VideoRadar) -> Array:
 
 
 def over_background(memory: ExtractionMemory, given: ExtractionInput) -> tuple[RadarExcess, ...]:
-    """The video of a cycle as levels over the background, which extraction has just learnt. Without a background all are 0.
+    """The video of a cycle as levels over the background, which extraction has just learnt; 0 without one, and where none came.
 
     Args: memory: after the step with this video.
     """
@@ -273,6 +274,7 @@ def over_background(memory: ExtractionMemory, given: ExtractionInput) -> tuple[R
             some = slice(first, first + MOST_SPOKES // 8)
             background = np.repeat(known.background[sector[some]], BLOCK_CELLS, axis=1)[:, :cells]
             over = (in_decibels(video.level[some], radar) - background) * np.float32(2.0 * radar.db_per_level)
+            over[_missing(video.take(some))] = 0.0
             half_db[some] = np.clip(np.nan_to_num(over), LEAST_HALF_DB, MOST_HALF_DB)
         out.append(
             RadarExcess(
@@ -286,10 +288,8 @@ def masked(mask_deg: Floats, video: RadarVideo, radar: VideoRadar, masks: Masks)
     """Where the antenna was when the mask was made, and the mask of each spoke, with what did not come. (2,), (S, C)"""
     clipped, sectors = np.zeros(video.level.shape, np.uint8), masks.of(radar.name)
     land_deg = (*radar.land_deg, *masks.land_deg)
-    if not (sectors or land_deg):
-        return mask_deg, _without_missing(clipped, video)
     scale, at = Scale(video.first_m, video.cell_m, video.level.shape[1], radar.beam_rad, radar.pulse_m), 0
-    while at < len(video):
+    while (sectors or land_deg) and at < len(video):
         off_m = np.hypot(*difference_m(video.site_deg[at:], mask_deg).T)
         moved = ~(off_m <= REMASK_M)
         if moved[0]:
@@ -299,14 +299,16 @@ def masked(mask_deg: Floats, video: RadarVideo, radar: VideoRadar, masks: Masks)
         mask = mask_of(sectors, land_deg, (float(mask_deg[0]), float(mask_deg[1])), scale)
         clipped[at:end] = mask[(video.azimuth_rad[at:end] % TURN_RAD / TURN_RAD * len(mask)).astype(np.int64) % len(mask)]
         at = end
-    return mask_deg, _without_missing(clipped, video)
+    clipped[_missing(video)] = kernels.video.background.MASKED
+    return mask_deg, clipped
 
 
-def _without_missing(clipped: Array, video: RadarVideo) -> Array:
-    """The mask with what did not come of each spoke. It writes into the mask."""
-    for row in np.flatnonzero(video.missing[:, 1] > video.missing[:, 0]):
-        clipped[row, slice(*video.missing[row])] = kernels.video.background.MASKED
-    return clipped
+def _missing(video: RadarVideo) -> Bools:
+    """Which cells of each spoke did not come. (S, C)"""
+    out, some = np.zeros(video.level.shape, np.bool_), np.flatnonzero(video.missing[:, 1] > video.missing[:, 0])
+    cell, (begin, end) = np.arange(video.level.shape[1]), video.missing[some].T[:, :, None]
+    out[some] = (cell >= begin) & (cell < end)
+    return out
 
 
 def _advanced(m: SpokeMemory, radar: VideoRadar, detection: Detection) -> tuple[SpokeMemory, RadarReports]:
