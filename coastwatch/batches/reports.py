@@ -100,6 +100,7 @@ class TrackReports(Batch):
     echo_length_m: Floats = optional_column("M")  # as of `Tracks`; NaN: not given, here and below
     echo_width_m: Floats = optional_column("M")
     echo_axis_deg: Floats = optional_column("M")
+    alternative_m: Floats = optional_column("M")
 
 
 @dataclass(frozen=True, eq=False)

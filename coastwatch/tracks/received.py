@@ -54,6 +54,7 @@ class ReceivedTable(Batch):
     echo_length_m: Floats = optional_column("N")
     echo_width_m: Floats = optional_column("N")
     echo_axis_deg: Floats = optional_column("N")
+    alternative_m: Floats = optional_column("N")
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,6 +194,7 @@ class ReceivedTracks(Method):
             echo_length_m=new.echo_length_m,
             echo_width_m=new.echo_width_m,
             echo_axis_deg=new.echo_axis_deg,
+            alternative_m=new.alternative_m,
         )
         kept = np.ones(len(table), np.bool_)
         kept[row[known]] = False
@@ -257,6 +259,7 @@ class ReceivedTracks(Method):
             echo_length_m=table.echo_length_m,
             echo_width_m=table.echo_width_m,
             echo_axis_deg=table.echo_axis_deg,
+            alternative_m=table.alternative_m,
         )
 
 

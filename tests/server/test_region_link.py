@@ -92,16 +92,17 @@ def test_a_cycle_is_the_same_to_the_bit_after_its_way_and_damaged_ones_are_refus
         decode(encode(RegionCycle("x", 1, 1.0, tracks())))
 
 
-def test_sizes_by_radar_come_along_and_a_message_of_version_1_has_none() -> None:
-    sent = replace(tracks(), **{name: np.array([200.0, np.nan, 7.0]) + k for k, name in enumerate(message.ECHOES)})
+def test_sizes_and_alternatives_come_along_and_an_older_message_has_none() -> None:
+    sent = replace(tracks(), **{name: np.array([200.0, np.nan, 7.0]) + k for k, name in enumerate(message.OPTIONAL)})
     data = encode(RegionCycle("7@x", 1, 1.0, sent))
     reports = decode(data).reports(2)
-    assert [getattr(reports, name)[0] for name in message.ECHOES] == [200.0, 201.0, 202.0]
+    assert [getattr(reports, name)[0] for name in message.OPTIONAL] == [200.0, 201.0, 202.0, 203.0]
     with np.load(io.BytesIO(data)) as file:
-        former = {name: file[name] for name in file.files if name not in message.ECHOES}
+        former = {name: file[name] for name in file.files if name not in message.OPTIONAL}
     old = io.BytesIO()
     np.savez(old, **former)
-    assert np.isnan(decode(old.getvalue()).tracks.echo_length_m).all()
+    found = decode(old.getvalue()).tracks
+    assert np.isnan([getattr(found, name) for name in message.OPTIONAL]).all()
 
 
 def test_a_small_message_with_arrays_of_any_size_is_refused_before_they_are_made(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -245,10 +245,12 @@ def test_sources_are_numbered_before_ais(name: str) -> None:
     assert isinstance(found.track_sources, TrackSources)
 
 
-def test_the_size_by_radar_that_another_centre_sends_is_that_of_the_track() -> None:
+def test_the_size_and_the_alternative_that_another_centre_sends_are_those_of_the_track() -> None:
     method, sent = ReceivedTracks(), states(1.0, [4, 9], np.array([[0.0, 0.0], [900.0, 0.0]]))
     sent = replace(sent, echo_length_m=np.array([210.0, np.nan]), echo_axis_deg=np.array([75.0, np.nan]))
+    sent = replace(sent, alternative_m=np.array([np.nan, 80.0]))
     _, found = method.step(method.init(), ReceivedInput(sent, 1.0, sensors(), Tracks.empty()))
     np.testing.assert_array_equal(found.echo_length_m, [210.0, np.nan])
     np.testing.assert_array_equal(found.echo_axis_deg, [75.0, np.nan])
+    np.testing.assert_array_equal(found.alternative_m, [np.nan, 80.0])
     assert np.isnan(found.echo_width_m).all()

@@ -1,7 +1,7 @@
 """The cycles of a region over a stream of NATS JetStream: it keeps them for any number of centres, which resume by run and seq.
 
 The stream `coastwatch-NAME` has a subject for each cycle, `coastwatch.tracks.NAME.RUN.SEQ`. A cycle is one message of
-`coastwatch.tracks.v1`, cut into parts where the server takes no message of its size.
+`coastwatch.tracks.v2`, cut into parts where the server takes no message of its size.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """One cycle of a region's tracks as bytes, `coastwatch.tracks.v2`, and back: an npz archive of arrays without objects.
 
-Version 1 has no echoes. A centre of version 1 leaves the arrays that it does not know, so both versions have the same bytes.
+Version 1 has no echoes, and older regions of version 2 no `alternative_m`. A centre leaves the arrays that it does not know, so
+all have the same bytes.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ PROTOCOL = "coastwatch.tracks.v2"
 PROTOCOLS = PROTOCOL, "coastwatch.tracks.v1"
 """That are spoken, the newest first."""
 
-ECHOES = "echo_length_m", "echo_width_m", "echo_axis_deg"
+OPTIONAL = "echo_length_m", "echo_width_m", "echo_axis_deg", "alternative_m"
+"""Columns that an older region does not send."""
 RUN_BITS, TRACK_BITS = 14, 48
 HEAD = "run", "seq", "time_s"
 LARGEST_MESSAGE = 1 << 27
-"""Bytes of a message, 700,000 tracks, and of its arrays together: one with compressed arrays could be any size in memory."""
+"""Bytes of a message, 640,000 tracks, and of its arrays together: one with compressed arrays could be any size in memory."""
 
 
 class MessageError(ValueError):
@@ -38,9 +40,10 @@ class RegionTracks(Batch):
     position_deg: Floats = column(np.float64, "N", 2)
     velocity_m_s: Floats = column(np.float64, "N", 2)
     covariance: Floats = column(np.float64, "N", 4, 4)  # of east, north, east rate, north rate
-    echo_length_m: Floats = optional_column("N")  # NaN: not known, or of version 1, here and below
+    echo_length_m: Floats = optional_column("N")  # NaN: not known, or of an older region, here and below
     echo_width_m: Floats = optional_column("N")
     echo_axis_deg: Floats = optional_column("N")
+    alternative_m: Floats = optional_column("N")  # as of `Tracks`
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +75,7 @@ class RegionCycle:
             echo_length_m=tracks.echo_length_m,
             echo_width_m=tracks.echo_width_m,
             echo_axis_deg=tracks.echo_axis_deg,
+            alternative_m=tracks.alternative_m,
         )
 
 
@@ -109,7 +113,7 @@ def decode(data: bytes) -> RegionCycle:
             arrays = {name: file[name] for name in wanted if name in file.files}
         run, seq, time_s = str(arrays["run"][()]), int(arrays["seq"]), float(arrays["time_s"])
         merged = int(arrays.get("merged", 0))  # a region of an older version merges none
-        names = [f.name for f in fields(RegionTracks) if f.name not in ECHOES or f.name in arrays]
+        names = [f.name for f in fields(RegionTracks) if f.name not in OPTIONAL or f.name in arrays]
         tracks = RegionTracks(**{name: arrays[name] for name in names})
     except Exception as error:  # whatever zipfile and numpy raise on damaged bytes
         raise MessageError(f"damaged cycle of tracks: {type(error).__name__}: {error}") from error
