@@ -65,6 +65,18 @@ def test_no_path_gives_no_state():
     assert covariance.shape == (0, 4, 4)
 
 
+@pytest.mark.parametrize("later", [1, 2])
+def test_a_step_whose_prediction_has_no_inverse_leaves_the_estimate_of_the_filter(later):
+    """The step before the broken one begins again: what comes before is smoothed from there."""
+    steps, *_ = filtered(5, 3)
+    broken = steps._replace(predicted_covariance=steps.predicted_covariance.copy())
+    broken.predicted_covariance[later] *= -1.0
+    mean, covariance = kernels.filters.smoothing.fixed_lag(broken, np.arange(3)[None])
+    want, spread = kernels.filters.smoothing.fixed_lag(steps, np.arange(later)[None])
+    np.testing.assert_array_equal(mean, want)
+    np.testing.assert_array_equal(covariance, spread)
+
+
 def test_a_covariance_stays_positive_where_the_filter_was_surer_than_constant_velocity_allows():
     steps, *_ = filtered(5, 3)
     surer = steps._replace(predicted_covariance=0.01 * steps.predicted_covariance)

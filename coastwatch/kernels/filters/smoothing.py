@@ -56,7 +56,8 @@ def _step_back(steps, now, later, mean, covariance, gain, change):  # type: igno
     """A smoothed state becomes that of the step before, in place.
 
     With the gain G = P F' Ppred^-1 of the later prediction: x = x + G (xs - xpred), P = P + G (Ps - Ppred) G'.
-    A covariance that would not be one, as the models of the filter turned, stays that of the filter.
+    A covariance that would not be one, as the models of the filter turned, stays that of the filter. So do both where the prediction
+    has no inverse.
     """
     p, dt = steps.covariance[now], steps.time[later] - steps.time[now]
     for a in range(STATE):  # P F'
@@ -82,7 +83,10 @@ def _step_back(steps, now, later, mean, covariance, gain, change):  # type: igno
             for c in range(STATE):
                 total += change[a, c] * gain[b, c]
             covariance[a, b] = covariance[b, a] = total
-    if not _is_positive(covariance, change):
+    if not np.isfinite(mean.sum()):
+        mean[:] = before
+        covariance[:] = p
+    elif not _is_positive(covariance, change):
         covariance[:] = p
 
 
