@@ -32,6 +32,7 @@ class Steps(NamedTuple):
 def fixed_lag(steps, path):  # type: ignore[no-untyped-def]
     """The first state of each path, smoothed by the steps after it: mean (T, 4) and covariance (T, 4, 4).
 
+    Where a later prediction has no inverse, the state is that of the filter.
     Args: steps: Steps; path: (T, W) rows of steps, oldest first, -1: none in this place; the first is a row.
     """
     mean, covariance = np.empty((len(path), STATE)), np.empty((len(path), STATE, STATE))
@@ -44,7 +45,7 @@ def fixed_lag(steps, path):  # type: ignore[no-untyped-def]
                 continue
             if later >= 0:
                 _step_back(steps, now, later, mean[t], covariance[t], gain, change)
-            else:
+            if later < 0 or not np.isfinite(mean[t].sum()):
                 mean[t] = steps.mean[now]
                 covariance[t] = steps.covariance[now]
             later = now
@@ -56,8 +57,7 @@ def _step_back(steps, now, later, mean, covariance, gain, change):  # type: igno
     """A smoothed state becomes that of the step before, in place.
 
     With the gain G = P F' Ppred^-1 of the later prediction: x = x + G (xs - xpred), P = P + G (Ps - Ppred) G'.
-    A covariance that would not be one, as the models of the filter turned, stays that of the filter. So do both where the prediction
-    has no inverse.
+    A covariance that would not be one, as the models of the filter turned, stays that of the filter.
     """
     p, dt = steps.covariance[now], steps.time[later] - steps.time[now]
     for a in range(STATE):  # P F'
@@ -83,10 +83,7 @@ def _step_back(steps, now, later, mean, covariance, gain, change):  # type: igno
             for c in range(STATE):
                 total += change[a, c] * gain[b, c]
             covariance[a, b] = covariance[b, a] = total
-    if not np.isfinite(mean.sum()):
-        mean[:] = before
-        covariance[:] = p
-    elif not _is_positive(covariance, change):
+    if not _is_positive(covariance, change):
         covariance[:] = p
 
 
