@@ -27,22 +27,23 @@ COURSE, SPEED, RATE = 2, 3, 4
 class MotionRules(NamedTuple):
     """The two models and how a vessel changes from one to the other."""
 
-    sojourn: Floats  # (2,) mean time in each model
-    noise: Floats  # (2, 2) variance a second: of course and speed (CV), of speed and turn rate (CTRV)
+    sojourn: Floats  # (2,) s, mean time in each model
+    noise: Floats  # (2, 2) variance a second: of course, rad, and speed, m/s (CV); of speed and turn rate, rad/s (CTRV)
     pads_zeros: bool  # CV has the turn rate 0 without variance where it is mixed into CTRV; else that of CTRV itself
 
 
 @jit
 def wrapped(angle):  # type: ignore[no-untyped-def]
-    """The angle from -pi to pi."""
+    """The angle from -pi to pi. Args: angle: rad."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 @jit
 def points(mean, covariance, size, out):  # type: ignore[no-untyped-def]
-    """Write the 2 L + 1 points of a Gaussian of L numbers: its mean, and L points to each side. (2 L + 1, L)
+    """Write the 2 L + 1 points of a Gaussian of L numbers: its mean, and L points to each side.
 
     A variance that is zero, or rounding, gives no spread.
+    Args: mean: (L,) or more; covariance: (L, L) or more; size: L; out: (2 L + 1, L), of the units of the mean.
     """
     scale = math.sqrt(size / (1.0 - CENTRE))
     lower = np.zeros((size, size))
@@ -66,7 +67,10 @@ def points(mean, covariance, size, out):  # type: ignore[no-untyped-def]
 
 @jit
 def move(model, point, dt):  # type: ignore[no-untyped-def]
-    """Move a point of state and noise by one step, in place: the functions f of equation (1)."""
+    """Move a point of state and noise by one step, in place: the functions f of equation (1).
+
+    Args: model: 0 or 1; point: (6,) or (7,) m, m, rad, m/s, of CTRV rad/s, and the two noises of the model; dt: s.
+    """
     size = 4 + model
     if model == 0:
         heading, chord = point[COURSE] + 0.5 * point[size], (point[SPEED] + 0.5 * point[size + 1]) * dt
@@ -86,7 +90,10 @@ def move(model, point, dt):  # type: ignore[no-untyped-def]
 
 @jit
 def turn_round(mean, covariance, size):  # type: ignore[no-untyped-def]
-    """Give a state of negative speed its positive speed and the opposite course, in place."""
+    """Give a state of negative speed its positive speed and the opposite course, in place.
+
+    Args: mean: (5,) m, m, rad, m/s, rad/s; covariance: (5, 5); size: 4 or 5 rows that the model uses.
+    """
     if mean[SPEED] < 0.0:
         mean[SPEED] = -mean[SPEED]
         mean[COURSE] += math.pi
@@ -99,7 +106,10 @@ def turn_round(mean, covariance, size):  # type: ignore[no-untyped-def]
 
 @jit
 def predict(model, mean, covariance, dt, noise):  # type: ignore[no-untyped-def]
-    """Predict one filter, in place. Args: noise: (2,) variance a second of the two noises of the model."""
+    """Predict one filter, in place. A step of 0 s or less changes nothing.
+
+    Args: model: 0 or 1; mean: (5,) m, m, rad, m/s, rad/s; covariance: (5, 5); dt: s; noise: (2,) variance a second of the two noises.
+    """
     if dt <= 0.0:
         return
     size = 4 + model
@@ -133,7 +143,11 @@ def predict(model, mean, covariance, dt, noise):  # type: ignore[no-untyped-def]
 
 @jit
 def measured(size, mean, covariance, site, predicted, spread, cross):  # type: ignore[no-untyped-def]
-    """Write range and bearing of a filter from a site (2,), their covariance (2, 2), and that of state and both (size, 2), equation (9)."""
+    """Write range and bearing of a filter from a site, and their covariances: equation (9).
+
+    Args: size: 4 or 5; mean: (5,) m, m, rad, m/s, rad/s; covariance: (5, 5); site: (2,) east, north, m. Written: predicted: (2,) m,
+    rad; spread: (2, 2) of both; cross: (5, 2) of state and both, of which `size` rows.
+    """
     cloud, side = np.empty((2 * size + 1, size)), (1.0 - CENTRE) / (2.0 * size)
     points(mean, covariance, size, cloud)
     seen = np.empty((len(cloud), 2))
@@ -163,7 +177,11 @@ def measured(size, mean, covariance, site, predicted, spread, cross):  # type: i
 
 @jit
 def _blend(means, covariances, weight, size, mean, covariance):  # type: ignore[no-untyped-def]
-    """Write the moments of two Gaussians with these weights (2,)."""
+    """Write the moments of a mixture of two Gaussians.
+
+    Args: means: (2, 5) m, m, rad, m/s, rad/s; covariances: (2, 5, 5); weight: (2,) of sum 1; size: 4 or 5. Written: mean: (5,);
+    covariance: (5, 5).
+    """
     off = np.empty(size)
     for i in range(size):
         off[i] = means[1, i] - means[0, i]
@@ -181,7 +199,7 @@ def predict_mixed(state, covariance, mode, dt, rules):  # type: ignore[no-untype
     """Mix the models of one track and predict each, in place.
 
     From CTRV to CV the turn rate is dropped. From CV to CTRV that of CTRV itself is appended with its variance, without correlation.
-    Args: state: (2, 5); covariance: (2, 5, 5); mode: (2,); rules: MotionRules.
+    Args: state: (2, 5) m, m, rad, m/s, rad/s; covariance: (2, 5, 5); mode: (2,) probability of each model; dt: s; rules: MotionRules.
     """
     if dt <= 0.0:
         return
@@ -201,7 +219,11 @@ def predict_mixed(state, covariance, mode, dt, rules):  # type: ignore[no-untype
 
 @jit
 def predict_tracks(tracks, rows, times, rules):  # type: ignore[no-untyped-def]
-    """Predict these tracks to a time of each, in place; one that is newer stays. Args: tracks: time, state, covariance, mode, of N."""
+    """Predict these tracks to a time of each, in place; one that is newer stays.
+
+    Args: tracks: time (N,) s, state (N, 2, 5) m, m, rad, m/s, rad/s, covariance (N, 2, 5, 5), mode (N, 2); rows: (B,) of N; times:
+    (B,) s; rules: MotionRules.
+    """
     time, state, covariance, mode = tracks
     for k in range(len(rows)):
         n = rows[k]
@@ -211,7 +233,10 @@ def predict_tracks(tracks, rows, times, rules):  # type: ignore[no-untyped-def]
 
 @jit
 def cartesian(tracks, now, rules):  # type: ignore[no-untyped-def]
-    """East, north and their rates of each track at a time, over both models, and the covariance. (N, 4), (N, 4, 4)"""
+    """East, north and their rates of each track at a time, over both models, and the covariance. (N, 4) m, m/s, (N, 4, 4)
+
+    Args: tracks: as of `predict_tracks`; now: s; rules: MotionRules.
+    """
     time, state, covariance, mode = tracks
     mean, spread = np.zeros((len(time), 4)), np.zeros((len(time), 4, 4))
     cloud, weights = np.empty((2 * (2 * SIZE + 1), 4)), np.empty(2 * (2 * SIZE + 1))
