@@ -139,7 +139,7 @@ class ImmJpdaLiteral(Method):
             memory = self._end_looks(memory, measured, float(radars.range_m[radar]))
         # Out of range, or while its radars are silent, a track has no looks that could end it.
         recent = time_s - memory.confirmed.hit_s <= (self.end_looks + 1) * radars.period_s
-        confirmed = memory.confirmed.take(recent.any(axis=1))
+        confirmed = memory.confirmed.take(np.flatnonzero(recent.any(axis=1)))
         memory = replace(memory, confirmed=confirmed)
         mean, covariance = kernels.filters.unscented.cartesian(confirmed.columns, float(time_s), self._motion)
         specified = to_plane(radars.site_deg[ours], sensors.region_origin_deg[region])
