@@ -114,9 +114,7 @@ class ImmJpdaLiteral(Method):
         Raises: ValueError where the memory is of a scenario with other radars.
         """
         plots, time_s, sensors, region = given.plots, given.time_s, given.sensors, given.region
-        radars = sensors.radars
-        memory = self._fitting(memory, given)
-        good = is_usable(plots, time_s, AHEAD_S)
+        memory, radars, good = self._fitting(memory, given), sensors.radars, is_usable(plots, time_s, AHEAD_S)
         plots = plots.take(good)
         ours = np.flatnonzero(radars.region == region)
         slice_s = min(SLICE_S, 0.5 * float(radars.period_s[ours].min(initial=np.inf)))
@@ -137,8 +135,7 @@ class ImmJpdaLiteral(Method):
             )
             memory, taken[rows] = self._take(memory, measured)
             memory = self._end_looks(memory, measured, float(radars.range_m[radar]))
-        # Out of range, or while its radars are silent, a track has no looks that could end it.
-        recent = time_s - memory.confirmed.hit_s <= (self.end_looks + 1) * radars.period_s
+        recent = time_s - memory.confirmed.hit_s <= (self.end_looks + 1) * radars.period_s  # else no look can end it
         confirmed = memory.confirmed.take(np.flatnonzero(recent.any(axis=1)))
         memory = replace(memory, confirmed=confirmed)
         mean, covariance = kernels.filters.unscented.cartesian(confirmed.columns, float(time_s), self._motion)
