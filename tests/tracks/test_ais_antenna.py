@@ -87,7 +87,7 @@ def test_a_report_without_heading_has_that_of_the_report_before_and_without_any_
     memory, found = method.step(memory, (reports(3.0, [235000003], [np.nan]), AisStatics.empty(), 3.0))
     np.testing.assert_allclose(moved(found), 0.0, atol=1e-6)
     memory, found = method.step(memory, (reports(6.0, [235000003] * 3, [np.nan, 0.0, np.nan]), AisStatics.empty(), 6.0))
-    np.testing.assert_allclose(moved(found), 0.0, atol=1e-6)  # the move begins
+    np.testing.assert_allclose(moved(found), [[0.0, 0.0], [-9.0, 130.0], [-9.0, 130.0]], atol=0.01)
     memory, found = method.step(memory, (reports(9.0, [235000003] * 3, [90.0, 0.0, np.nan]), AisStatics.empty(), 9.0))
     np.testing.assert_allclose(moved(found), [[130.0, 9.0], [-9.0, 130.0], [-9.0, 130.0]], atol=0.01)
     memory, found = method.step(memory, (reports(12.0, [235000003], [np.nan]), AisStatics.empty(), 12.0))

@@ -42,7 +42,7 @@ class Antennas(Batch):
 class HullMiddle(Method):
     """The positions of ships of `from_m` or more that send their heading and where their antenna is, moved to the middle of the hull.
 
-    A position moves over `ramp_s`, from when antenna and heading are known; to a new size it moves as slowly. No ship jumps. A report
+    A position moves over `ramp_s`, from when the place of the antenna is known; to a new size it moves as slowly. No ship jumps. A report
     without heading has that of an earlier one: under way, above 3 kn, for 60 s. A heading more than 60 deg from the course under way is
     none. A ship that sends no heading is at its antenna.
     """
@@ -65,6 +65,7 @@ class HullMiddle(Method):
         mine = np.flatnonzero(row >= 0)
         mine = mine[np.lexsort((reports.time_s[mine], row[mine]))]
         ship, received_s = row[mine], reports.received_s[mine]
+        first = np.isnan(known.heading_deg)  # its move began with its size: a ship at anchor reports each three minutes
         known, heading_deg = _with_headings(known, ship, reports.take(mine))
         now_s, to_m = np.full(len(known), time_s), np.where(known.has_heading[:, None], known.middle_m, 0.0)
         begins = (to_m != known.to_m).any(axis=1)
@@ -73,7 +74,7 @@ class HullMiddle(Method):
             known,
             from_m=np.where(begins[:, None], offset_m, known.from_m),
             to_m=to_m,
-            since_s=np.where(begins, now_s, known.since_s),
+            since_s=np.where(begins & ~first, now_s, known.since_s),
         )
         ahead, starboard = known.offset_m(ship, received_s, self.ramp_s).T
         sine, cosine = np.sin(np.radians(heading_deg)), np.cos(np.radians(heading_deg))
@@ -93,14 +94,14 @@ class HullMiddle(Method):
         some = np.flatnonzero(stated)
         mmsi, last = np.unique(statics.mmsi[some][::-1], return_index=True)
         rows = some[::-1][last]
-        at, new = find(known.mmsi, mmsi), len(mmsi)
+        at, new, now_s = find(known.mmsi, mmsi), len(mmsi), statics.received_s[rows]
         unknown, zero = np.full(new, np.nan), np.zeros((new, 2))
-        first = Antennas(mmsi, zero, zero, zero, np.zeros(new), np.zeros(new), unknown, unknown, np.zeros(new, np.bool_))
+        first = Antennas(mmsi, zero, zero, zero, now_s, now_s, unknown, unknown, np.zeros(new, np.bool_))
         out = Antennas.join([known, first.take(at < 0)])
         out = out.take(np.argsort(out.mmsi))
         ship = find(out.mmsi, mmsi)
         out.middle_m[ship] = 0.5 * np.column_stack([bow - stern, starboard - port])[rows]
-        out.heard_s[ship] = np.maximum(out.heard_s[ship], statics.received_s[rows])
+        out.heard_s[ship] = np.maximum(out.heard_s[ship], now_s)
         return out
 
 
