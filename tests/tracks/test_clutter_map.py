@@ -1,21 +1,24 @@
-"""The clutter map equals a dictionary of cells, forgets, follows a radar that moves, and hides standing echoes from the tracker."""
+"""The clutter map equals a dictionary of cells, forgets and follows a radar that moves; each radar decides for one by its plots."""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from radar_world import plots_of, run, two_radars, world
 
-from coastwatch.batches import Radars
+from coastwatch.batches import Plots, Radars
 from coastwatch.geodesy import to_plane
+from coastwatch.tracks import TableTracker
+from coastwatch.tracks.radar import clutter
 from coastwatch.tracks.radar.clutter import (
     ClutterMap,
     ClutterSettings,
-    empty_map,
     false_plots_per_m2,
     has_moved,
     learn,
@@ -32,6 +35,10 @@ def radar(range_m=500.0, sigma_m=3.0, azimuth_deg=1.0, count=1):
     some = np.full(count, 1.0)
     sizes = range_m * some, 2.0 * some, sigma_m * some, math.radians(azimuth_deg) * some
     return Radars(np.full(count, "radar", "U32"), np.zeros(count, np.int64), np.zeros((count, 2)), *sizes)
+
+
+def empty_map(rule, radars):
+    return clutter.empty_map(rule, radars, np.ones(len(radars), np.bool_))
 
 
 def density(rule, known, places, number=0):
@@ -149,3 +156,44 @@ def test_moved_is_more_than_the_distance_and_more_than_noise():
     to = np.array([[24.0, 0.0], [26.0, 0.0], [26.0, 0.0], [400.0, 0.0]])
     moved = has_moved(rule, np.zeros((4, 2)), to, np.array([1.0, 1.0, 100.0, 100.0**2]))
     assert moved.tolist() == [False, True, False, True]
+
+
+def echoes_of(example, places, seen, random):
+    """Plots of one radar with a noise of 5 m. Args: places: (E, 2); seen: (T, E) in which turns of 4 s each echo is seen."""
+    turn, echo = np.nonzero(seen)
+    noise = random.normal(0.0, 5.0, (len(turn), 2))
+    return replace(
+        example.take(np.zeros(len(turn), np.int64)),
+        time_s=0.5 + 4.0 * turn,
+        position_m=places[echo] + noise,
+        covariance=np.tile(25.0 * np.eye(2), (len(turn), 1, 1)),
+        sensor=np.zeros(len(turn), np.int64),
+        origin=np.full(len(turn), -1),
+    )
+
+
+@pytest.mark.parametrize("quay", [True, False])
+def test_a_radar_learns_a_map_where_its_plots_of_no_track_return(quay):
+    """Echoes of a quay, a fifth of them in each turn, or as many plots at random; vessels under way and at anchor stay."""
+    random, turns = np.random.default_rng([31]), 50
+    sensors = two_radars(range_nm=3.0)
+    vessels = plots_of(world(60, 9), sensors, 4.0 * turns, 9)
+    seen = random.random((turns, 10)) < 0.9
+    anchored = echoes_of(vessels, random.uniform(-1500.0, 1500.0, (10, 2)), seen, random)
+    places = random.uniform([-1000.0, 300.0], [-400.0, 500.0], (150, 2))
+    false = echoes_of(vessels, places, random.random((turns, len(places))) < 0.2, random)
+    if not quay:
+        false = replace(false, position_m=random.uniform(-2000.0, 2000.0, (len(false), 2)))
+    plots = Plots.join([vessels, replace(anchored, origin=1000 + np.nonzero(seen)[1]), false])
+    shown = {}
+    for learnt in ("by_radar", False):
+        tracker = TableTracker(method="guided_vimmjipda", clutter=ClutterSettings(learnt=learnt))
+        memory, tracks = run(tracker, plots, 4 * turns // 3, sensors)
+        origin = [np.unique(one.origin[one.origin >= 0]) for one in tracks[30:]]
+        false_tracks = sum(int((one.origin < 0).sum()) for one in tracks[30:])
+        shown[learnt] = np.array([false_tracks, sum(map(len, origin)), sum(int((one >= 1000).sum()) for one in origin)])
+        if learnt:
+            assert [memory.clutter.has(radar) for radar in (0, 1)] == [quay, False]
+    assert np.all(shown["by_radar"][1:] >= 0.98 * shown[False][1:])
+    assert np.array_equal(*shown.values()) or quay
+    assert shown["by_radar"][0] < 0.7 * shown[False][0] or not quay

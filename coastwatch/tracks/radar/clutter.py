@@ -11,6 +11,7 @@ Where the map is learnt, the gain of a track that is not confirmed has no term f
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -32,7 +33,9 @@ NEIGHBOURS = np.ones((3, 3), np.int64)  # cells that touch, also at a corner, ar
 class ClutterSettings(Settings):
     """How false plots are counted by place."""
 
-    learnt: bool = False  # else `false_plots_per_m2` holds everywhere
+    learnt: bool | Literal["by_radar"] = (
+        "by_radar"  # which radars have a map: all, none, or those whose plots of no track return
+    )
     cell_m: Positive | None = None  # side of a cell; none: one standard deviation of azimuth at full range, or two of range
     prior_turns: Positive = 10.0  # that `false_plots_per_m2` is worth
     memory_turns: Positive = 2000.0  # after which a plot counts 1 / e
@@ -71,6 +74,20 @@ class ClutterMap(Struct):
             self.turns[radar], self.newest_s[radar] = 0.0, np.nan
         return self
 
+    def has(self, radar: int) -> bool:
+        """Whether this radar has a map."""
+        return len(self.side) > 0 and self.side[radar] > 0
+
+    def with_radar(self, settings: ClutterSettings, radars: Radars, radar: int) -> ClutterMap:
+        """This map with an empty one of this radar, which has none yet."""
+        had = np.flatnonzero(self.side > 0)
+        made = empty_map(settings, radars, np.isin(np.arange(len(radars)), [*had.tolist(), radar]))
+        made.turns[had], made.newest_s[had] = self.turns[had], self.newest_s[had]
+        for k in had.tolist():
+            for new, old in zip(made.cells, self.cells, strict=True):
+                new[made.first[k] :][: made.side[k] ** 2] = old[self.first[k] :][: self.side[k] ** 2]
+        return made
+
     def window(self, radar: int) -> tuple[int, int, float]:
         """First cell, cells along a side, side of a cell of a radar, as the kernels take them."""
         return int(self.first[radar]), int(self.side[radar]), float(self.cell_m[radar])
@@ -81,12 +98,17 @@ class ClutterMap(Struct):
         return self.plots, self.turn, self.tile
 
 
-def empty_map(settings: ClutterSettings, radars: Radars) -> ClutterMap:
-    """The map of these radars before the first plot."""
+def cell_sides(settings: ClutterSettings, radars: Radars) -> Floats:
+    """The side of a cell of each radar, m. (R,)"""
     resolution_m = np.maximum(radars.azimuth_sigma_rad * radars.range_m, 2.0 * radars.range_sigma_m)
     wanted_m = resolution_m if settings.cell_m is None else np.full(len(radars), settings.cell_m)
-    cell_m = np.maximum(wanted_m, 2.0 * radars.range_m / (MOST_CELLS - 1))
-    side = np.ceil(2.0 * radars.range_m / cell_m).astype(np.int64) + 1
+    return np.maximum(wanted_m, 2.0 * radars.range_m / (MOST_CELLS - 1))
+
+
+def empty_map(settings: ClutterSettings, radars: Radars, having: Bools) -> ClutterMap:
+    """The map of these radars before the first plot. Args: having: (R,) which radars have one."""
+    cell_m = np.where(having, cell_sides(settings, radars), 0.0)
+    side = np.ceil(2.0 * radars.range_m / np.where(having, cell_m, np.inf)).astype(np.int64) + having
     end = np.cumsum(side**2)
     count = int(end[-1]) if len(end) else 0
     zero, nothing = np.zeros(count), np.full(count, -1, np.int32)

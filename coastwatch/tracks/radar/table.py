@@ -13,11 +13,20 @@ from coastwatch.batches.struct import Struct, column
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks import columns
 from coastwatch.kernels.tracks.columns import NAMES, ExistenceColumns, PlotColumns, TrackLife, VesselIds
-from coastwatch.tracks.radar.clutter import ClutterMap, ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
+from coastwatch.tracks.radar.clutter import (
+    ClutterMap,
+    ClutterSettings,
+    cell_sides,
+    empty_map,
+    false_plots_per_m2,
+    has_moved,
+    learn,
+)
 from coastwatch.tracks.radar.leaves import Decided, Forest
 from coastwatch.tracks.radar.motion import Filters
 from coastwatch.tracks.radar.plot_filters import PlotFilters
 from coastwatch.tracks.radar.rates import LearntRates
+from coastwatch.tracks.radar.returns import Returns
 
 NEWEST = 5  # plots whose origin is kept, for the scores
 SPARE = 4  # one spare slot for so many used ones, so that few cycles have to enlarge the table
@@ -171,6 +180,7 @@ class RadarMemory(Struct):
     clutter: ClutterMap = field(default_factory=ClutterMap.none)
     plots_alone: PlotFilters = field(default_factory=lambda: PlotFilters.empty(0))  # where messages guide the association
     rates: LearntRates = field(default_factory=lambda: LearntRates.none(0))
+    returns: Returns = field(default_factory=lambda: Returns.none(0))  # where each radar decides for a clutter map
     forest: Forest = field(default_factory=Forest.empty)  # of multi-hypothesis tracks
 
     @classmethod
@@ -197,7 +207,9 @@ class RadarMemory(Struct):
             raise ValueError(f"memory of radar tracks: got {len(self.newest_plot_s)} radars, needed {count}")
         table = Table.empty(models, count, self.table.particles.shape[1])
         site_m, never = np.full((count, 2), np.nan), np.full(count, -np.inf)
-        return replace(self, table=table, site_m=site_m, newest_plot_s=never, rates=LearntRates.none(count))
+        return replace(
+            self, table=table, site_m=site_m, newest_plot_s=never, rates=LearntRates.none(count), returns=Returns.none(count)
+        )
 
     def without_radars(self, moved: Bools) -> RadarMemory:
         """This memory without the tracks that hold plots of these radars (R,), whose registration has jumped."""
@@ -217,23 +229,36 @@ class RadarMemory(Struct):
         return replace(self, plots_alone=PlotFilters.empty(models).with_slots(len(self.table.track_id)))
 
     def with_clutter_map(self, settings: ClutterSettings, radars: Radars) -> RadarMemory:
-        """This memory with an empty clutter map, if one is to be learnt and there is none."""
-        if not settings.learnt or len(self.clutter.side):
+        """This memory with an empty clutter map, if all radars are to learn one and there is none."""
+        if settings.learnt is not True or len(self.clutter.side):
             return self
-        return replace(self, clutter=empty_map(settings, radars))
+        return replace(self, clutter=empty_map(settings, radars, np.ones(len(radars), np.bool_)))
+
+    def decided(self, settings: ClutterSettings, radars: Radars, batch: PlotColumns, free: Floats) -> RadarMemory:
+        """This memory with a clutter map of the radar of a batch, if its plots of no track return. Args: free: as of `Returns.meet`."""
+        if settings.learnt != "by_radar":
+            return self
+        radar = int(batch.sensor[0])
+        returns = self.returns.with_radar(radar)
+        cell_m, period_s = float(cell_sides(settings, radars)[radar]), float(radars.period_s[radar])
+        they_do = returns.meet(radar, float(batch.time.max()), period_s, batch.position, free, cell_m)
+        if they_do and not self.clutter.has(radar):
+            return replace(self, returns=returns, clutter=self.clutter.with_radar(settings, radars, radar))
+        return replace(self, returns=returns)
 
     def false_plots_per_m2(self, settings: ClutterSettings, batch: PlotColumns, constant: float) -> Floats:
         """The density of false plots in one look at each plot of a batch of one radar. (M,) Args: constant: where none is learnt."""
-        if not settings.learnt:
+        radar = int(batch.sensor[0])
+        if not self.clutter.has(radar):
             return np.full(len(batch.time), constant)
-        return false_plots_per_m2(settings, self.clutter, int(batch.sensor[0]), batch.position, constant)
+        return false_plots_per_m2(settings, self.clutter, radar, batch.position, constant)
 
     def with_clutter(self, settings: ClutterSettings, batch: PlotColumns, false: Floats, period_s: float) -> RadarMemory:
         """This memory with the plots of a batch of one radar in its clutter map.
 
         Args: false: (M,) probability that the plot belongs to no confirmed track that has moved; period_s: of one turn.
         """
-        if not settings.learnt:
-            return self
         radar = int(batch.sensor[0])
+        if not self.clutter.has(radar):
+            return self
         return replace(self, clutter=learn(settings, self.clutter, radar, batch.time, batch.position, false, period_s))

@@ -71,16 +71,18 @@ def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float,
         batch.time[pairs.plot] - table.radar_s[pairs.track, radar] > 0.5 * period_s
     )  # it took no plot of this radar in this look
     hypotheses = parts.joint.predict_to_plots(table, Candidates(*(column[due] for column in pairs)), batch)
-    slot, plot = hypotheses.slot, hypotheses.plot
-    of = hypotheses.track
+    slot, plot, of = hypotheses.slot, hypotheses.plot, hypotheses.track
     kernels.tracks.existence.predict_existence(
         table.existing, slot, table.updated_s[slot], radar, period_s, columns, rules.chain
     )
     sought = (table.existence[slot] >= EXISTS) & (table.updated_s[slot] - table.radar_s[slot, radar] <= LATELY * period_s)
     r, eta = table.existence[slot], table.visibility[slot]
     missed = 1.0 - r * eta * detection
-    nobodys_per_m2 = false_per_m2 + unborn * unborn_per_m2
-    weight = (detection * eta * r / missed)[of] * parts.joint.likelihood(table, hypotheses) / nobodys_per_m2[plot]
+    weight = (
+        (detection * eta * r / missed)[of]
+        * parts.joint.likelihood(table, hypotheses)
+        / (false_per_m2 + unborn * unborn_per_m2)[plot]
+    )
     find = kernels.association.marginals.marginals
     probability = find(plot, of, weight, len(batch.time), len(slot), rules.exact_up_to)
     taken = np.minimum(np.bincount(of, probability, len(slot)), 1.0)
@@ -97,8 +99,6 @@ def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float,
     likely = np.flatnonzero(probability > LIKELY)
     kernels.tracks.track_life.record(table.life, slot[of[likely]], plot[likely], batch)
     table.note_moved(clutter, slot)
-    false = np.clip(1.0 - np.bincount(plot, probability * table.moving(slot)[of], len(batch.time)), 0.0, 1.0)
-    memory = memory.with_clutter(clutter, batch, false, period_s)
     if memory.plots_alone.models:
         plots_alone.update(
             memory.plots_alone, table, hypotheses, probability / exists[of], likely, batch, rules.least_model_probability
@@ -107,7 +107,11 @@ def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float,
     best[plot[likely]] = slot[of[likely]]
     free = free_of(plot, probability, len(batch.time))
     if rules.rates.learnt:
+        memory = memory.decided(clutter, parts.sensors.radars, batch, free)
         memory.rates.false_plots[radar] += (free * false_per_m2 / (false_per_m2 + unborn_per_m2)).sum()
+    moving = np.bincount(plot, probability * table.moving(slot)[of], len(batch.time))
+    false = np.clip(1.0 - moving, 0.0, 1.0) if clutter.learnt is True else free
+    memory = memory.with_clutter(clutter, batch, false, period_s)
     existence = free * unborn_per_m2 / (false_per_m2 + unborn_per_m2)
     plots = np.flatnonzero(existence >= rules.least_existence(columns.probability, every_density)[0][radar])
     if len(plots):

@@ -47,7 +47,7 @@ class Jpda(Settings):
             few = PlotColumns(
                 batch.time[rest], batch.position[rest], batch.covariance[rest], batch.sensor[rest], batch.origin[rest]
             )
-            taken, free = associate(rules, others, few, period_s, per_m2[rest], clutter.learnt)
+            taken, free = associate(rules, others, few, period_s, per_m2[rest], clutter.learnt is True)
             begins, rows = rest[free], rest[taken >= 0]
             slot[rows] = taken[taken >= 0]
             update_by_single_plots(parts, table, np.where(np.isin(np.arange(len(slot)), rows), slot, -1), batch)

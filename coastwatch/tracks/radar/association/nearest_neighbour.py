@@ -32,7 +32,7 @@ class NearestNeighbour(Settings):
         rules, clutter = parts.hits, parts.clutter
         period_s = float(parts.sensors.radars.period_s[batch.sensor[0]])
         density = memory.false_plots_per_m2(clutter, batch, rules.false_plots_per_m2)
-        slot, begins = associate(rules, memory.table, batch, period_s, density, clutter.learnt)
+        slot, begins = associate(rules, memory.table, batch, period_s, density, clutter.learnt is True)
         memory = memory.with_clutter(clutter, batch, np.where(memory.table.moving(slot), 0.0, 1.0), period_s)
         update_by_single_plots(parts, memory.table, slot, batch)
         if begins.any():
@@ -41,7 +41,7 @@ class NearestNeighbour(Settings):
 
     def end_cycle(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
         """Delete duplicates, and tracks of standing echoes where the density of false plots is learnt."""
-        if parts.clutter.learnt:
+        if parts.clutter.learnt is True:
             memory = replace(memory, table=memory.table.without(_standing_echoes(parts, memory)))
         return remove_duplicates(parts.hits, memory, parts.sensors.radars.period_s, time_s)
 

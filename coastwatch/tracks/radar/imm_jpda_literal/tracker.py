@@ -185,7 +185,7 @@ class ImmJpdaLiteral(Method):
         if known != count or given.jumped.any():
             memory = ImmJpdaMemory.empty(count, memory.next_number)
         if self.clutter.learnt and not len(memory.clutter.side):
-            memory = replace(memory, clutter=empty_map(self.clutter, radars))
+            memory = replace(memory, clutter=empty_map(self.clutter, radars, np.ones(len(radars), np.bool_)))
         return memory
 
     def _take(self, memory: ImmJpdaMemory, batch: _Batch) -> tuple[ImmJpdaMemory, Ints]:
