@@ -197,3 +197,15 @@ def test_a_radar_learns_a_map_where_its_plots_of_no_track_return(quay):
     assert np.all(shown["by_radar"][1:] >= 0.98 * shown[False][1:])
     assert np.array_equal(*shown.values()) or quay
     assert shown["by_radar"][0] < 0.7 * shown[False][0] or not quay
+
+
+def test_a_radar_that_decides_later_leaves_the_maps_of_others_as_they_are():
+    rule, three = ClutterSettings(cell_m=8.0), radar(count=3)
+    known = feed(rule, ClutterMap.none().with_radar(rule, three, 1), 10, [[20.0, 20.0]], number=1)
+    before, turns = density(rule, known, [[20.0, 20.0], [60.0, 0.0]], 1), known.turns[1]
+    for other in (2, 0):
+        known = known.with_radar(rule, three, other)
+        known.check_rows()
+        assert known.turns[[other, 1]].tolist() == [0.0, turns]
+        np.testing.assert_array_equal(density(rule, known, [[20.0, 20.0], [60.0, 0.0]], 1), before)
+        np.testing.assert_allclose(density(rule, known, [[20.0, 20.0]], other), PRIOR_PER_M2, rtol=ROUNDING)
