@@ -311,12 +311,13 @@ def standing_echoes(database: Store, run_row: Run) -> Rows:
 
     Raises: InputError: no clutter map is learnt.
     """
-    if not (run_row["settings"].get("tracks", {}).get("clutter") or {}).get("learnt"):
+    rows = store.standing_echoes(database, run_row["id"])
+    if (run_row["settings"].get("tracks", {}).get("clutter") or {}).get("learnt") is not True and not rows.rows:
         raise InputError(
             f"run {run_row['id']}: no clutter map is learnt (`tracks.clutter.learnt`), so echoes that stand are in the picture: "
             "`coastwatch query stationary`"
         )
-    return in_operator_units(store.standing_echoes(database, run_row["id"]))
+    return in_operator_units(rows)
 
 
 def registration(rows: Rows, run_row: Run) -> Rows:

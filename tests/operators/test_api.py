@@ -144,7 +144,6 @@ def test_the_past_is_answered_from_the_store(served: Served) -> None:
         ("/api/v1/alarms?kind=moon", 400, "moon"),
         ("/api/v1/coastline", 404, "no coastline"),
         ("/api/v1/sensors/7/cover", 404, "got radar 7, needed one of 0, 1"),
-        ("/api/v1/sensors/1/cover?grid=standing", 404, "no clutter map is learnt"),
         ("/api/v1/nothing", 404, "there is no path /api/v1/nothing"),
         ("/api/v1/frame?at=" + 201 * "0", 422, "needed at most 200 characters"),
     ],
