@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import Floats, Messages, RadarCorrections, Rings
+from coastwatch.batches import Floats, Ints, Messages, RadarCorrections, Rings
 from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, earth_centred, offset_deg, to_plane
 from coastwatch.regional import reports_of_regions, start_region, step_of_regions
@@ -144,19 +144,38 @@ def harbour(scenario: Scenario, seed: int) -> dict[str, float]:
     assert isinstance(scenario.input, SimulatedVideo)
     length_m = np.array([ship.length_m for ship in scenario.input.ships])
     rows: dict[str, list[dict[str, float]]] = {"radar": [], "picture": []}
+    names: dict[str, list[Ints]] = {"radar": [], "picture": []}  # of the nearest track of each ship at anchor, -1: none
     for cycle in range(plan.cycles):
         now_s = plan.instant_s(cycle)
         arrived = recording.reports.between(plan.instant_s(cycle - 1) if cycle else plan.start_s, now_s)
         memory, made = run_cycle(scenario, sensors, memory, arrived, now_s, serial, lambda _: nullcontext())
         if cycle < SETTLED:
             continue
-        truth = recording.truth.at(now_s).position_deg
-        of_radar = made.tracks.position_deg[made.tracks.source == 0]
-        for name, found in (("radar", of_radar), ("picture", made.picture.position_deg)):
-            rows[name].append(_instant(found, truth, length_m, sensors.land_deg))
+        now = recording.truth.at(now_s)
+        anchored = np.flatnonzero(np.hypot(*now.velocity_m_s.T) == 0.0)
+        radar, vessels = made.tracks.take(made.tracks.source == 0), made.picture
+        for name, found, number in (
+            ("radar", radar.position_deg, radar.track_id),
+            ("picture", vessels.position_deg, vessels.vessel_id),
+        ):
+            rows[name].append(_instant(found, now.position_deg, length_m, sensors.land_deg))
+            names[name].append(_nearest(found, number, now.position_deg[anchored], length_m[anchored]))
     out: dict[str, float] = {}
     for name, of in rows.items():
+        held = np.array(names[name])
+        out[f"{name}_anchored"] = round(float((held >= 0).mean()), 4)
+        out[f"{name}_anchored_names"] = float(np.mean([len(np.unique(one[one >= 0])) for one in held.T]))
         out |= {f"{name}_{key}": round(float(np.mean([row[key] for row in of])), 4) for key in of[0]}
+    return out
+
+
+def _nearest(found: Floats, number: Ints, ships: Floats, length_m: Floats) -> Ints:
+    """The number of the track that is nearest to each ship, -1 where none is on it. Args: found: (N, 2) deg; ships: (V, 2) deg."""
+    out = np.full(len(ships), -1)
+    for k, place in enumerate(ships):
+        apart = np.hypot(*difference_m(found, place).T)
+        if len(found) and apart.min() < max(AROUND_M, 0.5 * length_m[k]):
+            out[k] = number[apart.argmin()]
     return out
 
 

@@ -84,8 +84,8 @@ class ClutterMap(Struct):
         made = empty_map(settings, radars, np.isin(np.arange(len(radars)), [*had.tolist(), radar]))
         made.turns[had], made.newest_s[had] = self.turns[had], self.newest_s[had]
         for k in had.tolist():
-            for new, old in zip(made.cells, self.cells, strict=True):
-                new[made.first[k] :][: made.side[k] ** 2] = old[self.first[k] :][: self.side[k] ** 2]
+            new, old = (slice(one.first[k], one.first[k] + one.side[k] ** 2) for one in (made, self))
+            made.plots[new], made.turn[new], made.tile[new] = self.plots[old], self.turn[old], self.tile[old]
         return made
 
     def window(self, radar: int) -> tuple[int, int, float]:
