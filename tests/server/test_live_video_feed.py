@@ -74,6 +74,22 @@ def test_a_recording_is_sent_again_as_it_is_at_any_speed(tmp_path: Path) -> None
         assert [data for _, data, _ in source._receiver.inboxes[0].pop_first(1000)] == [data for _, data, _ in items]
 
 
+def test_a_feed_all_of_whose_video_is_refused_is_in_trouble(tmp_path: Path) -> None:
+    path = captured(tmp_path / "x.pcap", arrivals(messages(turns=0.5)))
+    with LiveInput([parsed("video+udp://127.0.0.1:0?9/9=north")], sensors(), clock="feeds") as source:
+        to = parsed(f"video+udp://127.0.0.1:{source.ports[0]}")
+        send(of_file(path, ["video"]), [to], 40.0, threading.Event())
+        wait_for(lambda: source.feeds()[0]["received"] > 0)
+        feed = source._feeds[0]
+        feed.look()
+        feed.items = feed.inbox.pop_first(1000)
+        feed.decode(None)
+        assert feed.troubles() == []
+        feed.look()
+        (said,) = feed.troubles()
+    assert "records of the last minute could be used, most often: video of no radar of the scenario: SAC 25, SIC 1" in said
+
+
 def test_video_that_is_sent_over_a_group_is_served_as_tracks(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -46,7 +46,7 @@ AHEAD_OF_CYCLE_S = 60.0
 """With the clock of the feeds: a feed that is so far ahead of the cycle is not read for now, so that its sender waits."""
 
 THROWN_WITHIN_S, LEAST_THROWN, THROWN_SHARE = 60.0, 10, 0.2
-"""A feed is in trouble when so many of its reports in so long were thrown away, and this share."""
+"""A feed is in trouble when so many of its reports in so long were thrown away, and this share; or so many and no other came."""
 
 FIRST_S = 0.0
 """Before the first cycle of any region: one cycle of each is taken."""
@@ -69,8 +69,8 @@ class _Feed:
         self.inbox, self.decoder = inbox, decoder
         self.began_s = now_s()
         self.items: list[Item] = []  # received and not yet decoded
-        # Of the last minute: when, records used, thrown away, and datagrams or lines dropped.
-        self._looks: deque[tuple[float, int, int, int]] = deque()
+        # Of the last minute: when, records used, thrown away, datagrams or lines dropped, and records refused.
+        self._looks: deque[tuple[float, int, int, int, int]] = deque()
         self._video = VideoHealth(decoder.counts.radars)
 
     @property
@@ -86,7 +86,9 @@ class _Feed:
     def look(self) -> None:
         """Note the counts, for `troubles`."""
         at_s, counts = now_s(), self.decoder.counts
-        self._looks.append((at_s, counts.records, counts.late + counts.before_run, self.inbox.dropped + counts.dropped))
+        thrown, dropped = counts.late + counts.before_run, self.inbox.dropped + counts.dropped
+        not_read = sum(fault.count for fault in refused(self.decoder.tally.faults()))
+        self._looks.append((at_s, counts.records, thrown, dropped, not_read))
         while self._looks[0][0] < at_s - THROWN_WITHIN_S:
             self._looks.popleft()
         self._video.look(at_s)
@@ -99,7 +101,11 @@ class _Feed:
             sentences.append(sentence + (": the time of arrival is taken" if ahead_s > 0.0 else ""))
         looks = list(self._looks)
         if looks:
-            used, thrown, dropped = (looks[-1][k] - looks[0][k] for k in (1, 2, 3))
+            used, thrown, dropped, not_read = (looks[-1][k] - looks[0][k] for k in (1, 2, 3, 4))
+            if not used and not_read >= LEAST_THROWN:
+                most = max(refused(self.decoder.tally.faults()), key=lambda fault: fault.count)
+                why = f"{most.kind}: {most.example}" if most.example else most.kind
+                sentences.append(f"none of the {not_read} records of the last minute could be used, most often: {why}")
             if dropped:
                 sentences.append(f"{dropped} lines, datagrams or reports were dropped in the last minute: too long, or no room")
             if thrown >= LEAST_THROWN and thrown > THROWN_SHARE * (thrown + used):
