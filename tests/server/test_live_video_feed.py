@@ -17,6 +17,7 @@ from server_world import listening, wait_for
 from video_world import arrivals, captured, messages, sensors
 
 from coastwatch import store
+from coastwatch.errors import InputError
 from coastwatch.geodesy import to_plane
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.cli import main
@@ -72,6 +73,20 @@ def test_a_recording_is_sent_again_as_it_is_at_any_speed(tmp_path: Path) -> None
         assert 0.2 < time.monotonic() - begun_s < 1.0  # 1.2 s of video
         wait_for(lambda: source.feeds()[0]["received"] == len(items))
         assert [data for _, data, _ in source._receiver.inboxes[0].pop_first(1000)] == [data for _, data, _ in items]
+
+
+def test_blocks_of_cat_240_are_sent_by_their_time_of_day_over_midnight(tmp_path: Path) -> None:
+    begun_s = 1.6e9 // 86_400.0 * 86_400.0 - 0.3
+    items = [data for _, data, _ in arrivals(messages(turns=0.5, begun_s=begun_s))]
+    path = tmp_path / "x.cat240"
+    path.write_bytes(b"".join(items))
+    batches = list(of_file(path, ["video"]))
+    address = parsed("video+udp://127.0.0.1:8600")
+    assert [data for _, made in batches for data in made(address)] == items
+    assert np.diff([at_s for at_s, _ in batches]).sum() == pytest.approx(0.5 * 2.4 * (1.0 - 2.0 / len(items)), abs=0.02)
+    path.write_bytes(b"".join(data for _, data, _ in arrivals(messages(turns=0.1, timed=False))))
+    with pytest.raises(InputError, match=r"x\.cat240: got video without time of day"):
+        list(of_file(path, ["video"]))
 
 
 def test_a_feed_all_of_whose_video_is_refused_is_in_trouble(tmp_path: Path) -> None:

@@ -16,6 +16,8 @@ from typing import Protocol
 
 from coastwatch.batches import Reports, Sensors
 from coastwatch.errors import AddressError, InputError
+from coastwatch.formats.asterix.decoder import nearest_s
+from coastwatch.formats.asterix.video import VideoMessage, decode
 from coastwatch.formats.format import SensorNames
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.registry import FORMATS
@@ -113,13 +115,16 @@ def _encoded(
 
 
 def of_file(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
-    """The messages of a recording, as they are: of a capture by the times of its packets, else lines by their time stamps.
+    """The messages of a recording, as they are: of a capture by the times of its packets, else lines or video by their time stamps.
 
     Lines without a time go with the one before. Args: formats: to which they are sent. Raises: InputError.
     """
     if is_capture(path):
         for when_s, message, _ in items_of(WireFile(str(path), formats[0], path), Tally()):
             yield when_s, partial(_constant, formats, [message])
+        return
+    if "video" in formats:
+        yield from _of_blocks(path)
         return
     name = next((name for name in formats if FORMATS[name].stamps is not None), "")
     if not name or (stamps := FORMATS[name].stamps) is None:
@@ -135,6 +140,22 @@ def of_file(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
             time_s = stamp_s
     if begin < len(lines):
         yield max(time_s, 0.0), partial(_constant, [name], lines[begin:])
+
+
+def _of_blocks(path: Path) -> Iterator[Batch]:
+    """The blocks of a file of CAT 240 by their time of day, which goes on over midnight. Raises: InputError: none has one."""
+    time_s, first = math.nan, list[bytes]()  # blocks before the first time of day
+    for _, block, _ in items_of(WireFile(str(path), "video", path), Tally()):
+        stamps = (one.time_of_day_s for one in decode(block)[0] if isinstance(one, VideoMessage))
+        of_day_s = next((stamp for stamp in stamps if math.isfinite(stamp)), math.nan)
+        if math.isfinite(of_day_s):
+            time_s = nearest_s(of_day_s, time_s) if math.isfinite(time_s) else of_day_s
+        first.append(block)
+        if math.isfinite(time_s):
+            yield time_s, partial(_constant, ["video"], first)
+            first = []
+    if first:
+        raise InputError(f"feed: {path}: got video without time of day, needed item I240/140 or a capture (PCAP)")
 
 
 def _constant(formats: Sequence[str], messages: list[bytes], address: Address) -> list[bytes]:
