@@ -74,7 +74,8 @@ class Format:
     length: Callable[[bytes, int], int] = line_length
     """(data, begin) -> bytes of the message of a file that begins there, 0 or less: its end has not come. Raises: ValueError."""
     stamps: Callable[[list[bytes]], Iterator[tuple[int, float]]] | None = None
-    """Of recorded lines: (number from 1 on, Unix time) of those that have a time. With it `coastwatch feed` can send a file."""
+    """Of recorded lines: (number from 1 on, Unix time) of those that have a time; of datagrams the time of day, s. With it
+    `coastwatch feed` can send a file."""
     needs_site: bool = False  # its pictures are of ranges and bearings
     own_source: bool = False  # a feed is a track source by itself, of the name of the feed
     numbered: bool = False  # its reports have the number of their feed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -295,6 +295,13 @@ def renumbered(messages: list[bytes], sent: Counter[bytes]) -> list[bytes]:
     return out
 
 
+def stamps(blocks: list[bytes]) -> Iterator[tuple[int, float]]:
+    """The times of day of blocks: (number from 1 on, s) of those that have one. Source: I240/140."""
+    for number, block in enumerate(blocks, 1):
+        of_day_s = [one.time_of_day_s for one in decode(block)[0] if isinstance(one, VideoMessage)]
+        yield from ((number, stamp_s) for stamp_s in of_day_s[:1] if math.isfinite(stamp_s))
+
+
 VIDEO = Format(
     "video",
     decoder=_decoder,
@@ -303,4 +310,5 @@ VIDEO = Format(
     renumber=renumbered,
     in_datagrams=True,
     length=block_length,
+    stamps=stamps,
 )

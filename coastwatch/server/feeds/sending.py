@@ -16,8 +16,6 @@ from typing import Protocol
 
 from coastwatch.batches import Reports, Sensors
 from coastwatch.errors import AddressError, InputError
-from coastwatch.formats.asterix.decoder import nearest_s
-from coastwatch.formats.asterix.video import VideoMessage, decode
 from coastwatch.formats.format import SensorNames
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.registry import FORMATS
@@ -123,10 +121,10 @@ def of_file(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
         for when_s, message, _ in items_of(WireFile(str(path), formats[0], path), Tally()):
             yield when_s, partial(_constant, formats, [message])
         return
-    if "video" in formats:
-        yield from _of_blocks(path)
-        return
     name = next((name for name in formats if FORMATS[name].stamps is not None), "")
+    if name and FORMATS[name].in_datagrams:
+        yield from _of_blocks(path, name)
+        return
     if not name or (stamps := FORMATS[name].stamps) is None:
         with_stamps = " or ".join(name for name, one in FORMATS.items() if one.stamps is not None)
         raise InputError(f"feed: got {path} for {', '.join(formats)}, needed a feed of {with_stamps}, or a capture (PCAP)")
@@ -142,20 +140,21 @@ def of_file(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
         yield max(time_s, 0.0), partial(_constant, [name], lines[begin:])
 
 
-def _of_blocks(path: Path) -> Iterator[Batch]:
-    """The blocks of a file of CAT 240 by their time of day, which goes on over midnight. Raises: InputError: none has one."""
-    time_s, first = math.nan, list[bytes]()  # blocks before the first time of day
-    for _, block, _ in items_of(WireFile(str(path), "video", path), Tally()):
-        stamps = (one.time_of_day_s for one in decode(block)[0] if isinstance(one, VideoMessage))
-        of_day_s = next((stamp for stamp in stamps if math.isfinite(stamp)), math.nan)
+def _of_blocks(path: Path, name: str) -> Iterator[Batch]:
+    """The blocks of a file without packets by their time of day, which goes on over midnight. Raises: InputError: none has one."""
+    stamps, time_s, first = FORMATS[name].stamps, math.nan, list[bytes]()  # blocks before the first time of day
+    assert stamps is not None
+    for _, block, _ in items_of(WireFile(str(path), name, path), Tally()):
+        of_day_s = next((stamp_s for _, stamp_s in stamps([block])), math.nan)
         if math.isfinite(of_day_s):
-            time_s = nearest_s(of_day_s, time_s) if math.isfinite(time_s) else of_day_s
+            days = round((time_s - of_day_s) / 86_400.0) if math.isfinite(time_s) else 0
+            time_s = of_day_s + 86_400.0 * days
         first.append(block)
         if math.isfinite(time_s):
-            yield time_s, partial(_constant, ["video"], first)
+            yield time_s, partial(_constant, [name], first)
             first = []
     if first:
-        raise InputError(f"feed: {path}: got video without time of day, needed item I240/140 or a capture (PCAP)")
+        raise InputError(f"feed: {path}: got {name} without time of day, needed one in some block, or a capture (PCAP)")
 
 
 def _constant(formats: Sequence[str], messages: list[bytes], address: Address) -> list[bytes]:
