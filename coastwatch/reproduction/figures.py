@@ -129,7 +129,7 @@ def orders(of: Published, made: Sequence[Made]) -> list[Order]:
     for claim in of.ordering:
         for one in (m for m in made if m.wanted.variant.name == claim.less):
             point = dict(one.wanted.point)
-            other = at(made, claim.more, point)
+            other = at(made, claim.more, {**point, **claim.against})
             if other is None or not all(point.get(key) in wanted for key, wanted in claim.at.items()):
                 continue
             than = claim.than or claim.path

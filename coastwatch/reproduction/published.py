@@ -114,12 +114,14 @@ class Ordering(Settings):
     less: str  # variant
     more: str  # variant
     at: dict[str, tuple[Value, ...]] = Field(default_factory=dict)  # only at these points
+    against: dict[str, Value] = Field(default_factory=dict)  # in which the point of `more` differs from that of `less`
     ours: bool = False  # a claim of the project, which the paper does not make
 
     @property
     def title(self) -> str:
         """The claim in short: the figure, what is less, what is more, and whether it is ours."""
-        return self._claim + (" (ours)" if self.ours else "")
+        other = ", ".join(f"{key.split(',')[0].split('.')[-1]} {value}" for key, value in self.against.items())
+        return self._claim + (f" at {other}" if other else "") + (" (ours)" if self.ours else "")
 
     @property
     def _claim(self) -> str:

@@ -146,6 +146,22 @@ def test_two_methods_of_a_variant_are_compared_and_their_names_may_have_dots() -
     assert order.verdict == "holds"
 
 
+def test_two_points_of_a_sweep_are_compared() -> None:
+    of = published.chosen("liland", ("tracking",))["liland-tracking"]
+    claim = next(o for o in of.ordering if o.against == {"tracks.window": 1})
+    assert claim.title == "loss: literal < literal at window 1"
+    variant, detection = of.named("literal"), "input.detection_probability,tracks.detection_probability"
+    made = []
+    for window, loss in ((1, 0.9), (3, 0.5)):
+        point = (("input.transponders", "S0"), (detection, 0.5), ("tracks.window", window))
+        records = tuple({"scores": {"paths": {"loss": loss + more}}} for more in (0.0, 0.01, 0.02))
+        made.append(Made(planning.Wanted(variant, point, (), ()), records))
+    (order,) = orders(of.model_copy(update={"ordering": (claim,)}), made)
+    assert order.point == made[1].wanted.point
+    assert order.difference.mean == pytest.approx(0.4)
+    assert order.verdict == "holds"
+
+
 def test_each_point_of_a_sweep_changes_one_of_window_cutoff_and_order() -> None:
     swept = systems.Systems().swept()
     assert [swept[name] for name in ("n1", "c300", "p4")] == [(1, 100.0, 2.0), (10, 300.0, 2.0), (10, 100.0, 4.0)]
