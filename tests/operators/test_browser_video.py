@@ -113,5 +113,12 @@ def test_pixels_are_lit_where_an_echo_is_and_a_replay_has_none(watch: Watch) -> 
     watch.ask("coastwatch.replay.leave()")
     watch.until("coastwatch.video.picture.radars.get(0)?.cells.some(cell => cell)")
     assert is_one_of(drawn(watch, ECHO_RAD, ECHO_M), half)
+    latitude, longitude = SITE_DEG.tolist()
+    place = f"latitude_deg: {latitude}, longitude_deg: {longitude}, range_m: 6000"
+    watch.ask(f"(coastwatch.sensors = [{{kind: 'radar', name: coastwatch.video.picture.names[0], {place}}}], 0)")
+    watch.ask(f"(coastwatch.map.jumpTo({{center: [{longitude + 5.0}, {latitude}]}}), 0)")
+    watch.until("document.getElementById('video-words').textContent === 'No radar is in view.'")
+    watch.ask(f"(coastwatch.map.jumpTo({{center: [{longitude}, {latitude}]}}), 0)")
+    watch.until("document.getElementById('video-words').textContent === ''")
     watch.page.get_by_label("Radar video").uncheck()
     assert is_one_of(drawn(watch, ECHO_RAD, ECHO_M), grounds)

@@ -155,6 +155,7 @@ class App {
     map.on('zoom', () => { this.points.size = sizeAt(map); });
     map.on('render', () => this.marks.draw());
     map.on('moveend', () => this.stateChanged());
+    map.on('moveend', () => this.video.ask());
     map.on('move', ({ originalEvent, byKeys }) => { // panned by keys: the middle of the chart is then the other place
       if (!this.measure?.from || !(byKeys || originalEvent instanceof KeyboardEvent)) return;
       const { lat, lng } = map.getCenter().wrap();
@@ -585,6 +586,7 @@ class App {
     try {
       this.sensors = (await getJson('sensors')).sensors;
       this.map.triggerRepaint();
+      this.video.ask();
     } catch {
       // Asked again; the chart works without sensors.
     }

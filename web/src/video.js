@@ -18,6 +18,7 @@ const SECTOR_CELLS = AZIMUTHS * RANGES;
 const SHADE = 17; // of 255, a level
 const HELLO = 0; // what `apply` returns for the greeting, and for a sector
 const MOST_RADARS = 256; // that a viewer may ask for
+const NO_RADARS = JSON.stringify({ radars: [] });
 const STALE_MS = 15000; // a radar from which nothing has come for so long is not drawn
 const OPACITY = 0.75; // of the strongest echo
 const SOFTWARE_MS = 1000; // between drawings without a GPU
@@ -97,6 +98,24 @@ export function paintSector(cells, octets, afterglow) {
     cells[2 * k] = Math.max(near, cells[2 * k] * afterglow);
     cells[2 * k + 1] = Math.max(far, cells[2 * k + 1] * afterglow);
   }
+}
+
+/**
+ * Names of the radars whose range meets the view, or whose place is not known.
+ * @param {string[]} names those that send video
+ * @param {object[]} sensors rows of /sensors
+ * @param {{west: number, south: number, east: number, north: number}} view degrees; a world that is drawn twice is wider than 360
+ */
+export function radarsInView(names, sensors, { west, south, east, north }) {
+  const [middle, half] = [(west + east) / 2, (east - west) / 2];
+  return names.filter((name) => {
+    const radar = sensors.find((sensor) => sensor.kind === 'radar' && sensor.name === name);
+    if (!radar || radar.latitude_deg === null || !(radar.range_m > 0)) return true;
+    const high = ((radar.range_m / radii(radar.latitude_deg).north) * 180) / Math.PI;
+    const wide = high / Math.max(Math.cos((radar.latitude_deg * Math.PI) / 180), 1e-3);
+    const apart = radar.longitude_deg - middle - 360 * Math.round((radar.longitude_deg - middle) / 360);
+    return radar.latitude_deg + high >= south && radar.latitude_deg - high <= north && Math.abs(apart) <= half + wide;
+  });
 }
 
 async function inflate(octets) {
@@ -219,11 +238,24 @@ export class Video {
   #link = null;
   #paintedAt = -Infinity;
   #state = ''; // of the socket
+  #asked = null; // the text that asked for radars; empty: this connection has asked for none yet; null: it has not been greeted
 
   constructor(app) {
     this.app = app;
     this.picture = new VideoPicture(() => this.#changed());
     this.layer = new VideoLayer(this.picture);
+  }
+
+  /** Asks for the radars in view, where they are not those asked for before. */
+  ask() {
+    if (!this.#link || this.#asked === null) return;
+    const bounds = this.app.map.getBounds();
+    const view = { west: bounds.getWest(), south: bounds.getSouth(), east: bounds.getEast(), north: bounds.getNorth() };
+    const radars = radarsInView(this.picture.names, this.app.sensors, view).slice(0, MOST_RADARS);
+    const text = JSON.stringify({ radars });
+    if (text === this.#asked) return;
+    this.#asked = text;
+    this.#link.send(text);
   }
 
   #changed() {
@@ -245,7 +277,7 @@ export class Video {
     if (layer.shown && !this.#link) this.#open();
     if (!layer.shown && this.#link) {
       this.#link.stop();
-      this.#link = null;
+      this.#link = this.#asked = null;
       picture.clear();
     }
     this.tell();
@@ -264,6 +296,7 @@ export class Video {
     if (this.app.state.layers.has('video')) {
       if (this.app.replaying) words = 'A replay has no radar video.';
       else if (this.#state === 'none') words = 'This server has no radar video: it does not run live, or has no radar.';
+      else if (this.#asked === NO_RADARS && this.picture.names.length) words = 'No radar is in view.';
       else if (!comes) words = 'No radar video comes.';
     }
     if (byId('video-words').textContent !== words) byId('video-words').textContent = words;
@@ -273,7 +306,9 @@ export class Video {
     this.#link = follow(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/api/v1/video/stream`, this.picture, {
       protocols: PROTOCOLS,
       frame: (changed) => {
-        if (changed === HELLO) this.#link.send(JSON.stringify({ radars: this.picture.names.slice(0, MOST_RADARS) }));
+        if (changed !== HELLO) return;
+        this.#asked = '';
+        this.ask();
       },
       state: (name) => {
         this.#state = name;

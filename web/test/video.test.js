@@ -2,7 +2,7 @@ import assert from 'node:assert/strict';
 import { deflateSync } from 'node:zlib';
 import { test } from 'node:test';
 import { radii } from '../src/geodesy.js';
-import { paintSector, VideoPicture } from '../src/video.js';
+import { paintSector, radarsInView, VideoPicture } from '../src/video.js';
 import { RefusedFrame } from '../src/wire.js';
 
 /** A message by the table of INTERFACE.md. */
@@ -76,4 +76,13 @@ test('afterglow keeps a share of what was there, and never weakens what is', () 
 
 test('radii of the ellipsoid', () => {
   assert.ok(Math.abs(radii(0).north - 6335439.327) < 0.01 && Math.abs(radii(90).east - 6399593.626) < 0.01);
+});
+
+test('video is asked for of radars whose range meets the view, or whose place is not known', () => {
+  const radar = (name, latitude_deg, longitude_deg, range_m = 20000) => ({ kind: 'radar', name, latitude_deg, longitude_deg, range_m });
+  const sensors = [radar('near', 54.3, 12), radar('edge', 54.3, 12.7), radar('far', 54.3, 14), radar('moving', null, null), radar('fiji', -17, 179.95)];
+  const names = ['near', 'edge', 'far', 'moving', 'fiji', 'unknown'];
+  assert.deepEqual(radarsInView(names, sensors, { west: 11.5, south: 54, east: 12.5, north: 54.6 }), ['near', 'edge', 'moving', 'unknown']);
+  assert.deepEqual(radarsInView(names, sensors, { west: -180.5, south: -18, east: -179.9, north: -16 }), ['moving', 'fiji', 'unknown']);
+  assert.deepEqual(radarsInView(names, sensors, { west: 11.5, south: 54.5, east: 12.5, north: 54.6 }), ['moving', 'unknown']);
 });
