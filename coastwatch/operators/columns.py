@@ -10,16 +10,18 @@ TEXTS = {
     "answers", "body", "call_sign", "client", "cycles_done", "evidence", "first_source", "health", "heard_by", "kind", "last_ais_name",
     "members", "method", "name", "nav_status", "parameters", "path", "question", "region", "role", "says",
     "scenario", "second_source", "source", "sources", "specification", "stage", "state", "status", "title",
-    "version", "what", "who",
+    "version", "video", "what", "who",
 }  # fmt: skip
 WHOLE = {
-    "cycle", "cycles", "cycles_stored", "gaps", "dropped", "http_status", "number", "priority", "run", "seed", "ship_type",
+    "cycle", "cycles", "cycles_stored", "gaps", "dropped", "http_status", "number", "parts_lost", "priority", "run", "seed", "ship_type",
+    "spokes_a_turn", "spokes_lost",
     "states", "subject", "tracks", "vessels", "vessels_of_it_alone",
     "voices", "workers",
 }  # fmt: skip
 WHOLE_ENDINGS = ("_id", "_cycle", "_track")
 NUMBERS = {
     "ais_detection", "ais_looks", "compared", "false_plots_per_km2", "plots_per_turn", "track_detection", "track_looks", "turns",
+    "detection_probability", "false_plots_a_turn", "lost_share", "plots_a_turn", "threshold_db",
     "existence", "found_odds", "odds", "residuals", "rival_share", "rows_a_cycle", "share", "statistic",
 }  # fmt: skip
 KINDS: dict[str, Kind] = {

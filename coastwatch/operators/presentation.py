@@ -81,6 +81,15 @@ class Sensor(TypedDict):
     state: str | None
     range_noise_factor: float | None  # learnt standard deviation over the stated one, of a radar
     azimuth_noise_factor: float | None
+    turn_s: float | None  # of a radar that sends video, and so are the next eight
+    spokes_a_turn: int | None
+    spokes_lost: int | None
+    parts_lost: int | None
+    lost_share: float | None
+    plots_a_turn: float | None
+    threshold_db: float | None
+    detection_probability: float | None
+    false_plots_a_turn: float | None
     time_jitter_s: float | None
     vessels: int | None
     compared: int | None
@@ -337,9 +346,32 @@ def registration(rows: Rows, run_row: Run) -> Rows:
         factors = (sensor["range_noise_factor"], sensor["azimuth_noise_factor"])
         noise = None if factors[0] is None else " ".join("-" if f is None else f"{f:.2f}" for f in factors)
         estimate = (sensor["heard_utc"], sensor["state"], *errors, noise, sensor["time_jitter_s"], sensor["vessels"])
-        table.append((*site, spec, *estimate, _evidence(sensor, false_alarm)))
+        table.append((*site, spec, *estimate, _evidence(sensor, false_alarm), _video(sensor)))
     names = ("kind", "name", "region", "latitude_deg", "longitude_deg", "range_nm", "specification", "heard_utc", "state")
-    return Rows((*names, *(value for value, _ in ERRORS), "noise_factors", "time_jitter_s", "vessels", "evidence"), table)
+    return Rows(
+        (*names, *(value for value, _ in ERRORS), "noise_factors", "time_jitter_s", "vessels", "evidence", "video"), table
+    )
+
+
+def _video(s: Sensor) -> str | None:
+    """The health of the video of a radar in words; none: it sends none."""
+    lost = None if s["spokes_lost"] is None else f"{s['spokes_lost']} spokes, {s['parts_lost']} parts"
+    share = None if s["lost_share"] is None else f"{100.0 * s['lost_share']:.1f} % of the last minute"
+    texts = (
+        _said(s["turn_s"], "turn {:.2f} s"),
+        _said(s["spokes_a_turn"], "{} spokes a turn"),
+        _said(lost, "lost {}") if share is None else f"lost {lost}, {share}",
+        _said(s["plots_a_turn"], "{:.1f} plots a turn"),
+        _said(s["threshold_db"], "threshold {:.1f} dB"),
+        _said(s["detection_probability"], "P_D {:.2f}"),
+        _said(s["false_plots_a_turn"], "{:.1f} false plots a turn"),
+    )
+    return "; ".join(text for text in texts if text is not None) or None
+
+
+def _said(value: float | str | None, form: str) -> str | None:
+    """A value in words; none: it is not known."""
+    return None if value is None else form.format(value)
 
 
 def _evidence(s: Sensor, false_alarm: float | None) -> str | None:

@@ -123,7 +123,7 @@ class LiveRun:
         self._status: str | None = "starting"
         self._refused_zones: tuple[tuple[str, str], ...] = ()  # name, and why it is not watched
         self._sensors: Sensors | None = None
-        self._plots = PlotsOfVideo()
+        self.plots = PlotsOfVideo()
         self._writer: LiveWriter | None = None
         self._takes_no_changes = False  # the thread of the run ends
         self._next_writer = threading.Lock()  # while one takes over from the one before
@@ -159,7 +159,7 @@ class LiveRun:
 
     def feeds(self) -> Sequence[FeedState]:
         """The feeds with their counters."""
-        return self._plots.added_to(self.source.feeds())
+        return self.plots.added_to(self.source.feeds())
 
     def cycle_s(self) -> float | None:
         """How long the stages of the last cycle took together."""
@@ -280,7 +280,6 @@ class LiveRun:
         if len(self._statics) > MOST_STATICS:
             self._statics = without_absent(self._statics, cycle.picture.mmsi)
         self.alarms.apply(cycle.events)
-        self._plots.note(cycle, self._sensors)
         if self._on_video is not None:
             self._on_video(done.reports.video)
         self._left_out |= {stage: (count, clock.now_s()) for stage, count in cycle.left_out.items()}

@@ -23,6 +23,7 @@ from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import CheckpointSchedule, Point
 from coastwatch.server.input import AtOnce, Input
 from coastwatch.server.timing import Stopwatch
+from coastwatch.server.video_health import PlotsOfVideo
 from coastwatch.server.warm_up import warm_up
 from coastwatch.server.watched_zones import WatchedZones
 from coastwatch.server.writer import CycleWriter, batch_writer
@@ -59,6 +60,7 @@ class Live(Protocol):
 
     source: Input
     stop: threading.Event  # ends the run after the cycle in progress
+    plots: PlotsOfVideo  # of its radars: the run notes each cycle
 
     def ready(self, sensors: Sensors) -> None:
         """The kernels are compiled, and the input begins. Raises: InterruptedError: `stop` was set before."""
@@ -223,6 +225,7 @@ class _Run:
     writer: CycleWriter = field(init=False)
     zones: WatchedZones | None = None  # none: those of the scenario
     vessels: int = 0  # of the last picture
+    plots: PlotsOfVideo = field(init=False)
     most: tuple[int, float] = field(init=False)  # vessels of a picture, and its time
 
     def begin(self, resume: bool, workers: int) -> Point:
@@ -230,6 +233,7 @@ class _Run:
 
         A live run whose checkpoint is too old is not resumed. One that begins at a set instant is resumed whenever it is.
         """
+        self.plots = PlotsOfVideo() if self.live is None else self.live.plots
         scenario, live, settings = self.scenario, self.live, self.scenario.model_dump(mode="json")
         if live is not None:
             live.ready(self.sensors)
@@ -332,6 +336,7 @@ class _Run:
             zones=None if self.zones is None else self.zones.now(),
         )
         for_centres = ForCentres()
+        self.plots.note(cycle, self.sensors)
         if self.live is not None:
             done = Computed(self.run_id, number, number - first, cycle, reports, watch.so_far(), waited_s)
             for_centres = self.live.computed(done)
@@ -360,6 +365,7 @@ class _Run:
             last=after.cycle == plan.cycles or stopped,
             for_centres=for_centres,
             merged=tuple(SkippedCycle(one, plan.instant_s(one), "merged", counts) for one in range(first, number)),
+            video=self.plots.stored(self.source.feeds(), self.sensors),
         )
         self.writer.put(record)
         watch.lap()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from coastwatch.batches import COVER_RANGES, Floats, RadarCover, Sensors
 from coastwatch.centre import Cycle
 from coastwatch.formats.video_state import VideoState
 from coastwatch.server.link import FeedState, RadarState
+from coastwatch.store import VIDEO_VALUES
 
 WITHIN_S = 60.0  # losses, and plots, of so long count
 STOPPED_TURNS, STOPPED_S = 3.0, 10.0  # without a message, the larger one: the video has stopped
@@ -92,8 +94,17 @@ def _troubles(s: VideoState, silent_s: float, counts: tuple[int, int], now_s: fl
     return sentences
 
 
+class Made(TypedDict, total=False):
+    """Fields of `RadarState` that are of a run. None: not known."""
+
+    plots_a_turn: float | None
+    threshold_db: float | None
+    detection_probability: float | None
+    false_plots_a_turn: float | None
+
+
 class PlotsOfVideo:
-    """What a live run makes of the video of each radar."""
+    """What a run makes of the video of each radar."""
 
     def __init__(self) -> None:
         self._cycles: dict[str, deque[tuple[float, int]]] = {}  # by radar, of the last minute: time of the cycle, and plots
@@ -123,18 +134,40 @@ class PlotsOfVideo:
                 self._add_to(radar)
         return feeds
 
+    def stored(self, feeds: Sequence[FeedState], sensors: Sensors) -> Floats:
+        """What is stored of each radar, (R, 9) in the order of `store.VIDEO_VALUES`, NaN: not known; no rows: no radar sends video.
+
+        Args: feeds: without what is made of their video. Of a radar in two feeds it is that which was heard last.
+        """
+        states = sorted((radar for feed in feeds for radar in feed.get("radars", ())), key=lambda radar: -radar["silent_s"])
+        heard = {radar["name"]: radar for radar in states}
+        if not heard and not self._cycles:
+            return np.empty((0, len(VIDEO_VALUES)))
+        values = np.full((len(sensors.radars), len(VIDEO_VALUES)), np.nan)
+        for row, name in zip(values, map(str, sensors.radars.name), strict=True):
+            state: dict[str, Any] = dict(heard.get(name, {}))
+            state |= self._made(name, state.get("turn_s"))
+            row[:] = [math.nan if (value := state.get(column)) is None else value for column in VIDEO_VALUES]
+        return values
+
     def _add_to(self, radar: RadarState) -> None:
-        name = radar["name"]
+        radar.update(self._made(radar["name"], radar["turn_s"]))
+
+    def _made(self, name: str, turn_s: float | None) -> Made:
+        """What is made of the video of a radar; empty: nothing yet. Args: turn_s: measured."""
         cycles = list(self._cycles.get(name, ()))
         if len(cycles) < 2:
-            return
-        turn_s = radar["turn_s"] or self._turn_s[name]
+            return {}
+        turn_s = turn_s or self._turn_s[name]
         span_s = cycles[-1][0] - cycles[0][0]
-        radar["plots_a_turn"] = round(sum(plots for _, plots in cycles[1:]) * turn_s / span_s, 1) if span_s > 0.0 else None
-        radar["threshold_db"] = _known(self._threshold_db[name], 2)
+        made: Made = {
+            "plots_a_turn": round(sum(plots for _, plots in cycles[1:]) * turn_s / span_s, 1) if span_s > 0.0 else None,
+            "threshold_db": _known(self._threshold_db[name], 2),
+        }
         if self._cover is not None and name in self._cover[1]:
             detection, false = _learnt(self._cover[0], self._cover[1].index(name))
-            radar["detection_probability"], radar["false_plots_a_turn"] = _known(detection, 3), _known(false, 2)
+            made["detection_probability"], made["false_plots_a_turn"] = _known(detection, 3), _known(false, 2)
+        return made
 
 
 def _learnt(cover: RadarCover, radar: int) -> tuple[float, float]:

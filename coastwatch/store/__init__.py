@@ -63,6 +63,7 @@ from coastwatch.store.schema.opening import backup as backup
 from coastwatch.store.schema.opening import open_store as open_store
 from coastwatch.store.schema.opening import restore as restore
 from coastwatch.store.write.retention import prune as prune
+from coastwatch.store.write.to_rows import VIDEO_VALUES as VIDEO_VALUES
 from coastwatch.store.write.write_cycle import CycleRecord as CycleRecord
 from coastwatch.store.write.write_cycle import SkippedCycle as SkippedCycle
 from coastwatch.store.write.write_cycle import Written as Written

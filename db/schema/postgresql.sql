@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/schema/tables.py, schema 0026, by `make docs`.
+-- Generated from coastwatch/store/schema/tables.py, schema 0027, by `make docs`.
 
 CREATE TABLE audit (
 	id BIGSERIAL NOT NULL,
@@ -405,6 +405,15 @@ CREATE TABLE sensor_registration (
 	velocity_sigma_m_s FLOAT(53),
 	range_noise_factor FLOAT(53),
 	azimuth_noise_factor FLOAT(53),
+	turn_s FLOAT(53),
+	spokes_a_turn BIGINT,
+	spokes_lost BIGINT,
+	parts_lost BIGINT,
+	lost_share FLOAT(53),
+	plots_a_turn FLOAT(53),
+	threshold_db FLOAT(53),
+	detection_probability FLOAT(53),
+	false_plots_a_turn FLOAT(53),
 	PRIMARY KEY (run_id, cycle, kind, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );

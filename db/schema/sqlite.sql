@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/schema/tables.py, schema 0026, by `make docs`.
+-- Generated from coastwatch/store/schema/tables.py, schema 0027, by `make docs`.
 
 CREATE TABLE audit (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -419,6 +419,15 @@ CREATE TABLE sensor_registration (
 	velocity_sigma_m_s FLOAT,
 	range_noise_factor FLOAT,
 	azimuth_noise_factor FLOAT,
+	turn_s FLOAT,
+	spokes_a_turn INTEGER,
+	spokes_lost INTEGER,
+	parts_lost INTEGER,
+	lost_share FLOAT,
+	plots_a_turn FLOAT,
+	threshold_db FLOAT,
+	detection_probability FLOAT,
+	false_plots_a_turn FLOAT,
 	PRIMARY KEY (run_id, cycle, kind, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import threading
 import time
 from collections.abc import Iterator
@@ -147,6 +148,11 @@ def test_video_that_is_sent_over_a_group_is_served_as_tracks(
     assert (radar["cells"], radar["bits"], radar["range_m"]) == (256, 8, pytest.approx(5556.0, abs=2.0))
     assert 1.0 <= radar["plots_a_turn"] < 60.0
     assert 8.0 < radar["threshold_db"] < 40.0
+    assert main(["sensors", "--db", url, "--json"]) == 0
+    (stored,) = json.loads(capsys.readouterr().out)
+    assert (stored["spokes_a_turn"], stored["spokes_lost"], stored["parts_lost"]) == (512, 0, 0)
+    assert 1.0 <= stored["plots_a_turn"] < 60.0
+    assert 8.0 < stored["threshold_db"] < 40.0
     name = feed["name"]
     assert f'coastwatch_radar_state{{feed="{name}",radar="radar",value="spokes_a_turn"}} 512.0' in said
     assert f'coastwatch_radar_total{{count="spokes_lost",feed="{name}",radar="radar"}} 0.0' in said

@@ -16,6 +16,7 @@ from coastwatch.operators.api.metrics import Metrics
 from coastwatch.server.link import Link
 from coastwatch.server.troubles import Trouble, of_feeds
 from coastwatch.server.video_health import PlotsOfVideo, VideoHealth
+from coastwatch.store import VIDEO_VALUES
 
 pytestmark = pytest.mark.contract
 
@@ -103,3 +104,11 @@ def test_plots_a_turn_threshold_and_what_was_learnt_are_added():
     assert north["detection_probability"] == 0.9
     assert north["false_plots_a_turn"] == pytest.approx(math.pi * 1e8 * 1e-8, abs=0.01)
     assert south["plots_a_turn"] is None
+    values = plots.stored([feed], sensors())
+    assert values.shape == (len(sensors().radars), len(VIDEO_VALUES))
+    of = dict(zip(VIDEO_VALUES, values[0], strict=True))
+    assert all(of[name] == north[name] for name in VIDEO_VALUES)
+    (without, *_) = plots.stored([], sensors())
+    assert np.isnan(without[:5]).all()  # video of a file has no feed
+    assert (without[5:] > 0.0).all()
+    assert PlotsOfVideo().stored([], sensors()).shape == (0, len(VIDEO_VALUES))

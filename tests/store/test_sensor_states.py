@@ -78,6 +78,31 @@ def test_the_cover_of_radars_is_found_again(url: str) -> None:
         assert (kept.radar_covers(store, run)[1].turns <= 1.0).all()
 
 
+def test_the_health_of_radar_video_is_found_again(url: str) -> None:
+    """With the rows of registration and in the last cycle; a sensor without video has none."""
+    keep, shape = StoreSettings(registration_every=4), (2, len(kept.VIDEO_VALUES))
+    video = np.full(shape, np.nan)
+    video[0] = 2.4, 512, 7, 1, 0.012, 23.5, 9.25, 0.97, 4.1
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        world.write(store, run, 0, keep=keep)
+        for number in range(1, 5):
+            world.write(store, run, number, keep=keep, video=video)
+        video[0, 2] = 9
+        world.write(store, run, 5, keep=keep, video=video, last=True)
+        now, before, begun = (presentation.sensors(store, run, at) for at in (None, *map(world.instant_s, (4, 1))))
+        table = presentation.registration(now, kept.run(store, run))
+    assert now.column("name") == ["hill", "mouth", "fort", "island"]
+    of = [now.column(name) for name in kept.VIDEO_VALUES]
+    assert [values[2] for values in of] == [2.4, 512, 9, 1, 0.012, 23.5, 9.25, 0.97, 4.1]
+    assert all(values[k] is None for values in of for k in (0, 1, 3))
+    assert (before.column("spokes_lost")[2], begun.column("spokes_lost")[2]) == (7, None)
+    assert table.column("video") == [
+        None, None, "turn 2.40 s; 512 spokes a turn; lost 9 spokes, 1 parts, 1.2 % of the last minute; 23.5 plots a turn; "
+        "threshold 9.2 dB; P_D 0.97; 4.1 false plots a turn", None,
+    ]  # fmt: skip
+
+
 def test_cover_for_people(url: str) -> None:
     with kept.open_store(url) as store:
         run = world.begin(store)

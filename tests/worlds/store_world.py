@@ -235,4 +235,6 @@ def write_and_say(store: Store, run_id: int, number: int, vessels: int = 30, **m
     given = {"keep": KEEP, "checkpoint": b"memory %d" % number, "reports": reports_of(number, vessels), "last": False, **more}
     used = ForCentres(intake=[Intake("north", "a run of the region", number, number, 0)])
     record = CycleRecord(number, cycle, given["reports"], SECONDS, given["checkpoint"], given["last"], used)
+    if "video" in given:
+        record = replace(record, video=given["video"])
     return write_cycle(store, run_id, record, given["keep"], given.get("skipped", ()))

@@ -35,7 +35,7 @@ from sqlalchemy.types import TypeEngine
 T = TypeVar("T")
 Kind = TypeEngine[T] | type[TypeEngine[T]]
 
-REVISION = "0026"
+REVISION = "0027"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -309,6 +309,11 @@ SENSOR_REGISTRATION = of_run(
     *nullable(WHOLE, "tracks"),  # of track sources, alive now
     *nullable(REAL, "position_sigma_m", "velocity_sigma_m_s"),  # of track sources, per axis, of tracks without covariance
     *nullable(REAL, "range_noise_factor", "azimuth_noise_factor"),  # of radars: learnt standard deviation over the stated one
+    *nullable(REAL, "turn_s"),  # this and the following: of radars that send video; of the newest whole turn
+    *nullable(WHOLE, "spokes_a_turn", "spokes_lost", "parts_lost"),  # lost: since the start of the feed
+    *nullable(REAL, "lost_share"),  # of the spokes of the last minute, with those of which a part is missing
+    *nullable(REAL, "plots_a_turn", "threshold_db"),  # plots: of the last minute; threshold: over the background
+    *nullable(REAL, "detection_probability", "false_plots_a_turn"),  # learnt
 )
 """What is known of a sensor after a cycle. Biases are of what it measures, to be subtracted; a lag is how late its stamps are."""
 

@@ -247,13 +247,20 @@ def standing_echo_rows(run_id: int, number: int, echoes: StandingEchoes) -> list
     return [run_id, np.arange(len(echoes)), echoes.radar, number, *echoes.position_deg.T, *values]
 
 
+VIDEO_VALUES = (
+    "turn_s", "spokes_a_turn", "spokes_lost", "parts_lost", "lost_share", "plots_a_turn", "threshold_db", "detection_probability",
+    "false_plots_a_turn",
+)  # fmt: skip
+"""What is stored of a radar that sends video: columns of `sensor_registration`, in their order."""
+
+
 def registration_rows(
-    run_id: int, number: int, cycle: Cycle, last_report: LastReport, stations: int, feeds: int
+    run_id: int, number: int, cycle: Cycle, last_report: LastReport, stations: int, feeds: int, video: Floats
 ) -> list[Column]:
     """Columns of table `sensor_registration`, in key order: AIS receivers, bearing sensors, feeds of AIS, radars, track
     sources.
 
-    Args: stations: AIS receivers; feeds: of AIS.
+    Args: stations: AIS receivers; feeds: of AIS; video: (R, 9) `VIDEO_VALUES` of the radars, NaN: not known; no rows: no video.
     """
     c, t, bias = cycle.corrections, cycle.track_sources, np.degrees(cycle.bearing_associations.sensor_bias_rad)
     counts = (stations, len(bias), feeds, len(c), len(t))
@@ -278,6 +285,8 @@ def registration_rows(
         return NullableId(np.concatenate([none, whole, after]))
 
     evidence = np.degrees(c.candidate_azimuth_rad), c.candidate_range_m, c.odds, c.found_odds
+    of_video = (video if len(video) else np.full((len(c), len(VIDEO_VALUES)), np.nan)).T
+    turn_s, whole, others_of_video = of_video[0], of_video[1:4], of_video[4:]
     return [
         run_id,
         number,
@@ -297,6 +306,9 @@ def registration_rows(
         *(NullableId(np.concatenate([before, counted])) for counted in (t.states, t.dropped, t.tracks)),
         *(np.concatenate([before * np.nan, sigma]) for sigma in (t.position_sigma_m, t.velocity_sigma_m_s)),
         *map(of_radars, c.noise_factor.T),
+        of_radars(turn_s),
+        *map(numbers_of_radars, whole),
+        *map(of_radars, others_of_video),
     ]
 
 

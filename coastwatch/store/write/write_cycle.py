@@ -86,6 +86,8 @@ class CycleRecord:
     last: bool = False  # the run ends here, so its picture is written whatever the settings say
     for_centres: ForCentres = NOTHING_PASSED
     merged: tuple[SkippedCycle, ...] = ()  # the cycles before it without a picture: merged, or not stored
+    # (R, 9) `to_rows.VIDEO_VALUES` of the radars, NaN: not known; no rows: no radar sends video
+    video: Floats = field(default_factory=lambda: np.empty((0, len(to_rows.VIDEO_VALUES))))
 
     def skipped(self) -> SkippedCycle:
         """What is kept of it where its picture cannot be stored."""
@@ -188,10 +190,11 @@ def _write(
     names = write_names(connection, run_id, before.names, reports.statics)
     last_report = to_rows.last_reports(before.last_report, reports)
     radar_states = tuple(cycle.corrections.state.tolist())
-    if number % keep.registration_every and radar_states == before.radar_states and not cycle.corrections.jumped.any():
+    is_due = number % keep.registration_every == 0 or (record.last and len(record.video) > 0)
+    if not is_due and radar_states == before.radar_states and not cycle.corrections.jumped.any():
         radar_states = before.radar_states
     else:
-        of_sensors = to_rows.registration_rows(run_id, number, cycle, last_report, before.stations, before.feeds)
+        of_sensors = to_rows.registration_rows(run_id, number, cycle, last_report, before.stations, before.feeds, record.video)
         insert(connection, SENSOR_REGISTRATION, of_sensors)
     if record.last or _is_due(before, cycle, keep.cover_every_s):
         _replace(connection, SENSOR_COVER, run_id, to_rows.cover_rows(run_id, number, cycle.radar_cover))
