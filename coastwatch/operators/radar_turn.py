@@ -19,6 +19,7 @@ from coastwatch.operators.presentation import utc_text
 from coastwatch.plots import ExtractionInput
 from coastwatch.scenario import Scenario
 from coastwatch.sensors import SimulatedVideo, VideoFiles
+from coastwatch.sensors.recorded.tables.feed import Tables
 from coastwatch.server.live_video import COARSE_BITS, FIRST_DB, SHADES, STEP_DB, shades_of
 from coastwatch.spelling import did_you_mean, printable
 
@@ -58,10 +59,11 @@ def load(scenario: Scenario, radar: str, at_s: float | None, number: int | None)
     neither: `USUAL_TURN`.
     Raises: InputError: no such radar or turn, no video; OSError: a file cannot be read.
     """
-    if not isinstance(scenario.input, SimulatedVideo | VideoFiles):
+    given = scenario.input
+    if not (isinstance(given, SimulatedVideo | VideoFiles) or (isinstance(given, Tables) and given.has_video())):
         raise InputError(
             f"plot --video: scenario {scenario.name} has input.method = {scenario.input.method!r} and no radar video, needed "
-            "'simulated_video' or 'video_files'"
+            "'simulated_video', 'video_files', or 'tables' with a feed video+file:PATH, pictures or haxr"
         )
     sensors, plan = scenario.sensors(), scenario.plan()
     names = [str(name) for name in sensors.radars.name]
@@ -79,8 +81,8 @@ def load(scenario: Scenario, radar: str, at_s: float | None, number: int | None)
 
     recording = scenario.input.load(sensors, scenario.seed, plan)
     until_s = at_s + 1.5 * period_s + LATE_S
-    given = recording.reports.between(at_s - (LEARNT_TURNS + 1) * period_s, until_s).video
-    ours = Videos(tuple(part for part in given.parts if part.sensor == row))
+    videos = recording.reports.between(at_s - (LEARNT_TURNS + 1) * period_s, until_s).video
+    ours = Videos(tuple(part for part in videos.parts if part.sensor == row))
     video = _turn_at(ours, at_s, period_s)
     if video is None:
         raise InputError(

@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import parse_qsl, unquote
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
@@ -16,6 +17,7 @@ from coastwatch.errors import InputError
 from coastwatch.formats.registry import FORMATS
 from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg, wrap_deg
 from coastwatch.scenario import Area, Scenario
+from coastwatch.scenario.reading import typed_value
 from coastwatch.scenario.refusing import refusals
 from coastwatch.scenario.sites import Radar, Sonar, Station
 from coastwatch.sensors.files import WireFile
@@ -23,6 +25,8 @@ from coastwatch.sensors.recorded.files import has_sentences
 from coastwatch.sensors.recorded.tables.ais import AisColumns
 from coastwatch.sensors.recorded.tables.feed import BearingColumns, PlotColumns, Tables
 from coastwatch.sensors.recorded.tables.tracks import TrackColumns
+from coastwatch.sensors.recorded.video.haxr import HaxrFile
+from coastwatch.sensors.recorded.video.pictures import Pictures
 from coastwatch.spelling import did_you_mean
 
 COLUMNS: dict[str, type[BaseModel]] = {
@@ -40,8 +44,57 @@ STORE = {"picture_large": 0, "picture_every_s": 60.0, "checkpoint_every": 30}
 OUTLIERS_PERCENT = 1.0  # of the positions may be outside the area, so that one bad fix does not enlarge it
 
 
+HDF5 = b"\x89HDF"
+TABLES = (".csv", ".tsv", ".parquet")
+SCREENS: dict[str, tuple[type[BaseModel], str]] = {"pictures": (Pictures, "table"), "haxr": (HaxrFile, "file")}
+"""Files of video that are no wire format: the settings of each, and which of them is the file."""
+
+SCREEN_EXAMPLES = {
+    "pictures": "pictures+file:turns.csv?pixel_m=10&head_up=true",
+    "haxr": "haxr+file:port.hdf5?day=2025-06-01",
+}
+
 Site = Mapping[str, str | float]
 """The settings of a sensor: its name, and numbers."""
+
+
+@dataclass(frozen=True)
+class ScreenFile:
+    """A table of pictures of a radar's screen, or an HDF5 file of HAXR. `text` is how it was given."""
+
+    text: str
+    kind: str  # of SCREENS
+    path: Path
+    options: Mapping[str, str]
+
+    def settings(self) -> dict[str, object]:
+        """Its settings in a document. Raises: InputError: they are none of its kind."""
+        model, key = SCREENS[self.kind]
+        values: dict[str, object] = {name: typed_value(value) for name, value in self.options.items()} | {key: self.path}
+        try:
+            model.model_validate(values)
+        except ValidationError as error:
+            example = SCREEN_EXAMPLES[self.kind]
+            said = "; ".join(refusals(error, model))
+            raise InputError(f"--video {self.text}: {said}; settings stand behind '?', as in {example}") from error
+        return values
+
+
+def screen_file(text: str) -> ScreenFile | None:
+    """The file of pictures+file:turns.csv?pixel_m=10 or haxr+file:port.hdf5?day=2025-06-01, or of the same without the format, by its
+    content or name; None: it is another. Raises: OSError.
+    """
+    scheme, divided, rest = text.partition("+file:")
+    place, _, query = (rest if divided else text).partition("?")
+    path = Path(unquote(place))
+    if divided:
+        kind = scheme if scheme in SCREENS else None
+    elif path.suffix.lower() in TABLES:
+        kind = "pictures"
+    else:
+        with path.open("rb") as file:
+            kind = "haxr" if file.read(len(HDF5)) == HDF5 else None
+    return None if kind is None else ScreenFile(text, kind, path, dict(parse_qsl(query)))
 
 
 @dataclass(frozen=True)
@@ -54,12 +107,13 @@ class Files:
     tracks: tuple[str, ...]
     columns: Mapping[str, str]
     feeds: tuple[WireFile, ...] = ()
+    screens: tuple[ScreenFile, ...] = ()
 
     @property
     def default_period_s(self) -> float:
         """Seconds of a cycle: about a turn of a radar; of AIS alone the slowest report of a class A vessel under way."""
         of_ais = all(FORMATS[feed.format].numbered for feed in self.feeds)
-        return 3.0 if self.plots or self.bearings or self.tracks or not of_ais else 10.0
+        return 3.0 if self.plots or self.bearings or self.tracks or self.screens or not of_ais else 10.0
 
 
 def document(files: Files, sensors: Mapping[str, Sequence[Site]], period_s: float) -> dict[str, object]:
@@ -76,7 +130,9 @@ def document(files: Files, sensors: Mapping[str, Sequence[Site]], period_s: floa
         "tracks": [name for name, so in tracks.items() if not so],
         "track_sentences": [name for name, so in tracks.items() if so],
     }
-    paths = [name for part in parts.values() for name in part] + [str(feed.path) for feed in files.feeds]
+    paths = [name for part in parts.values() for name in part] + [str(file.path) for file in (*files.feeds, *files.screens)]
+    screens = {kind: [file.settings() for file in files.screens if file.kind == kind] for kind in SCREENS}
+    is_cleaned = bool(screens["haxr"]) and not screens["pictures"] and not any(feed.format == "video" for feed in files.feeds)
     parts["feeds"] = [feed.text for feed in files.feeds]
     return {
         "name": _name(paths),
@@ -87,7 +143,8 @@ def document(files: Files, sensors: Mapping[str, Sequence[Site]], period_s: floa
         "area": {"latitude_deg": 0.0, "longitude_deg": 0.0},
         **sensors,
         "store": STORE,
-        "input": {"method": "tables", **parts, **_columns(files.columns, [part for part in COLUMNS if parts[part]])},
+        **({"extraction": {"method": "absolute"}} if is_cleaned else {}),
+        "input": {"method": "tables", **parts, **screens, **_columns(files.columns, [part for part in COLUMNS if parts[part]])},
     }
 
 

@@ -269,7 +269,7 @@ class Scenario(Settings):
             cycles = self.warmup_cycles + self.cycles
             return Plan(start_s=self.start_utc.timestamp(), period_s=self.period_s, cycles=cycles)
         feed = self.input
-        if isinstance(feed, VideoFiles) or (isinstance(feed, Tables) and feed.feeds):
+        if isinstance(feed, VideoFiles) or (isinstance(feed, Tables) and feed.names_sensors()):
             first_s, stop_s = feed.span(self.sensors())
         else:
             first_s, stop_s = feed.span()

@@ -94,11 +94,16 @@ def _find(name_or_path: str) -> Path:
     return shipped
 
 
-def _override(data: dict[str, object], key: str, text: str) -> None:
+def typed_value(text: str) -> object:
+    """A value as written in TOML; what is no TOML is a text."""
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
+        return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
-        value = text
+        return text
+
+
+def _override(data: dict[str, object], key: str, text: str) -> None:
+    value = typed_value(text)
     *parents, last = key.split(".")
     here: dict[str, object] | list[object] = data
     for depth, part in enumerate(parents):

@@ -83,6 +83,17 @@ def test_the_turn_of_a_file_is_from_north_to_north_and_lost_spokes_stay_blank(tm
     assert (cut[half, : half - 9] == whole[half, : half - 9]).all()
 
 
+def test_the_turn_of_a_feed_among_tables_is_drawn_as_that_of_a_file(tmp_path: Path) -> None:
+    path = Path(scenario_of_file(tmp_path))
+    alone = radar_turn.load(load_scenario(str(path)), "north", START_S + 3.0, None)
+    (tmp_path / "ais.csv").write_text(f"time,mmsi,latitude,longitude\n{START_S},211000000,54.0,12.0\n")
+    text = path.read_text().replace('"video_files"\nfiles', f'"tables"\nais = ["{tmp_path / "ais.csv"}"]\nfeeds')
+    path.write_text(text)
+    among = radar_turn.load(load_scenario(str(path)), "north", START_S + 3.0, None)
+    assert among.title == alone.title
+    assert (radar_turn.picture(among) == radar_turn.picture(alone)).all()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

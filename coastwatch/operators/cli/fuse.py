@@ -14,8 +14,8 @@ from coastwatch.scenario import make_scenario
 from coastwatch.sensors.files import WireFile, wire_file
 
 VIDEO = "video"
-OTHER_VIDEO = (b"\x89HDF", b"\x89PNG", b"\xff\xd8\xff")
-"""How files of HDF5, PNG and JPEG begin."""
+PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
+"""How files of PNG and JPEG begin."""
 
 
 def fuse(options: argparse.Namespace) -> int:
@@ -27,13 +27,27 @@ def fuse(options: argparse.Namespace) -> int:
         raise InputError("fuse --bearings: got no sensor, needed --sonar for each sensor in the file")
     recorded.check_sensors(options.radar, options.station, options.sonar)
     sensors = {"radars": options.radar, "stations": options.station, "sonars": options.sonar}
-    feeds = [*map(wire_file, options.feed), *map(_video_file, options.video)]
-    for name in (*options.ais, options.plots, options.bearings, *options.tracks, *(str(feed.path) for feed in feeds)):
+    found = {text: recorded.screen_file(text) for text in options.video}
+    screens = [file for file in found.values() if file is not None]
+    feeds = [*map(wire_file, options.feed), *(_video_file(text) for text, file in found.items() if file is None)]
+    for name in (
+        *options.ais,
+        options.plots,
+        options.bearings,
+        *options.tracks,
+        *(str(one.path) for one in (*feeds, *screens)),
+    ):
         if name is not None and not Path(name).exists():  # the reader of scenarios would look in the checkout too
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), name)
-    _check_video([feed.path for feed in feeds if feed.format == VIDEO], options)
+    _check_video([feed.path for feed in feeds if feed.format == VIDEO], [file.path for file in screens], options)
     files = recorded.Files(
-        tuple(options.ais), options.plots, options.bearings, tuple(options.tracks), options.columns, tuple(feeds)
+        tuple(options.ais),
+        options.plots,
+        options.bearings,
+        tuple(options.tracks),
+        options.columns,
+        tuple(feeds),
+        tuple(screens),
     )
     sensors["track_sources"] = recorded.track_sources(files, options.track_site)
     document = recorded.document(files, sensors, files.default_period_s if options.period is None else options.period)
@@ -45,21 +59,24 @@ def _video_file(text: str) -> WireFile:
     """A value of --video. Raises: InputError."""
     file = wire_file(text if "+file:" in text else f"{VIDEO}+file:{text}")
     if file.format != VIDEO:
-        raise InputError(f"fuse --video: got {text!r}, needed a capture or a file of CAT 240: use --feed for other formats")
+        raise InputError(
+            f"fuse --video: got {text!r}, needed a capture or a file of CAT 240, a table of pictures or HDF5 of HAXR: use --feed for "
+            "other formats"
+        )
     return file
 
 
-def _check_video(paths: list[Path], options: argparse.Namespace) -> None:
-    """Refuses video without the radars that send it, and files of video of another kind. Raises: InputError, OSError."""
-    if paths and not options.radar:
+def _check_video(paths: list[Path], screens: list[Path], options: argparse.Namespace) -> None:
+    """Refuses video without the radars that send it, and pictures without their table. Raises: InputError, OSError."""
+    if (paths or screens) and not options.radar:
         raise InputError("fuse --video: got no radar, needed --radar for each radar in the file: see coastwatch video FILE")
-    for radar in options.radar if paths and not options.plots else ():
+    for radar in options.radar if (paths or screens) and not options.plots else ():
         if "latitude_deg" not in radar:
             raise InputError(f"--radar {radar['name']}: got no latitude and longitude, needed both: video does not have them")
     for path in paths:
         with path.open("rb") as file:
-            if file.read(4).startswith(OTHER_VIDEO):
+            if file.read(4).startswith(PICTURES):
                 raise InputError(
-                    f"{path}: got a picture or HDF5, needed a capture or a file of CAT 240; a scenario with input.method = "
-                    "'video_files' reads pictures and HDF5 of HAXR"
+                    f"{path}: got a picture, needed a table with columns file and time that names pictures (PNG): "
+                    f"{recorded.SCREEN_EXAMPLES['pictures']}"
                 )

@@ -171,8 +171,10 @@ def fuse(parser: argparse.ArgumentParser) -> None:
     completed_by(parser.add_argument("--plots", metavar="FILE", help=text))
     text = (
         "radar video: a capture (PCAP) of ASTERIX CAT 240, with options as of --feed: turns.pcap, "
-        "'video+file:turns.pcap?25/1=north&25/2=south' with SAC/SIC of each radar; without, SIC 1 is the first --radar. What a file "
-        "has, and settings: coastwatch video FILE"
+        "'video+file:turns.pcap?25/1=north&25/2=south' with SAC/SIC of each radar; without, SIC 1 is the first --radar; a table of "
+        "pictures of a screen, 'pictures+file:turns.csv?pixel_m=10&head_up=true', or HDF5 of HAXR, "
+        "'haxr+file:port.hdf5?day=2025-06-01', with radar=NAME where there are several. What a file has, and "
+        "settings: coastwatch video FILE"
     )
     completed_by(parser.add_argument("--video", metavar="FILE", nargs="+", default=[], help=text))
     text = "bearings: CSV or Parquet with time, sonar and bearing"

@@ -51,6 +51,10 @@ from coastwatch.sensors.recorded.tables.rows import (
     sensor_numbers,
 )
 from coastwatch.sensors.recorded.tables.tracks import TrackColumns, track_reports
+from coastwatch.sensors.recorded.video.feed import FORMAT as VIDEO
+from coastwatch.sensors.recorded.video.feed import VideoFileStream
+from coastwatch.sensors.recorded.video.haxr import HaxrFile
+from coastwatch.sensors.recorded.video.pictures import Pictures
 from coastwatch.stage import Method, NotNegative, Plan, Settings
 
 UNKNOWN_RADAR, UNKNOWN_SONAR = "unknown radar", "unknown sonar"
@@ -58,7 +62,7 @@ RANGE = "range out of range"
 AZIMUTH = "angle out of range"
 NO_SIGMA = SET_ASIDE + "standard deviation of 0 or less, that of the sensor taken: "
 
-PARTS = ("plots", "bearings", "ais", "nmea", "tracks", "track_sentences", "feeds")
+PARTS = ("plots", "bearings", "ais", "nmea", "tracks", "track_sentences", "feeds", "pictures", "haxr")
 """Settings that hold files."""
 
 NO_SENSORS = Sensors(Radars.empty(), Stations.empty(), Sonars.empty(), (), np.zeros((0, 2)))
@@ -109,6 +113,8 @@ class Tables(Method):
     tracks: tuple[Path, ...] = ()  # tables of finished tracks
     track_sentences: tuple[Path, ...] = ()  # files of NMEA 0183 with TTM or TLL
     feeds: tuple[str, ...] = ()  # files of what live feeds carry, and captures: "asterix+file:plots.pcap?port=8600"
+    pictures: tuple[Pictures, ...] = ()  # pictures of a radar's screen, as of input.method video_files
+    haxr: tuple[HaxrFile, ...] = ()  # HDF5 files of HAXR; they need the extra `video`
     plot_columns: PlotColumns = PlotColumns()  # names of the columns
     bearing_columns: BearingColumns = BearingColumns()  # names of the columns
     ais_columns: AisColumns = AisColumns()  # names of the columns
@@ -153,7 +159,7 @@ class Tables(Method):
         numbered = [file.path for file in self._wire_files() if FORMATS[file.format].numbered]
         loaded = replace(loaded, feeds=tuple(path.name for path in (*self.ais, *self.nmea, *numbered)))
         streams: list[ReportStream] = [self._nmea().stream(len(self.ais))] if self.nmea else []
-        streams += [self._wire_stream(sensors)] if self.feeds else []
+        streams += [self._video_stream(sensors)] if self.names_sensors() else []
         return replace(loaded, reports=MergedStream(loaded.whole(), streams)) if streams else loaded
 
     def span(self, sensors: Sensors = NO_SENSORS) -> tuple[float, float]:
@@ -181,10 +187,9 @@ class Tables(Method):
             ends = first_and_last(self._nmea(), fingerprint(self.nmea))
             received.append(ends.received_s)
             faults = ends.faults + faults
-        if self.feeds:
-            stream = self._wire_stream(sensors)
-            first_s, last_s = stream.span()
-            received += [np.array([first_s, last_s])] if first_s <= last_s else []
+        if self.names_sensors():
+            stream = self._video_stream(sensors)
+            received += stream.spans()
             faults = stream.faults() + faults
         return span_of(*received, faults=faults)
 
@@ -233,8 +238,18 @@ class Tables(Method):
         """Raises: InputError."""
         return [wire_file(text) for text in self.feeds]
 
-    def _wire_stream(self, sensors: Sensors) -> WireStream:
-        return WireStream(self._wire_files(), sensors, self.intake.lateness_s, len(self.ais) + len(self.nmea))
+    def has_video(self) -> bool:
+        """Whether a file may have radar video."""
+        return bool(self.pictures or self.haxr) or any(file.format == VIDEO for file in self._wire_files())
+
+    def names_sensors(self) -> bool:
+        """Whether a file cannot be read without the sensors of the scenario."""
+        return bool(self.feeds or self.pictures or self.haxr)
+
+    def _video_stream(self, sensors: Sensors) -> VideoFileStream:
+        """The files of wire formats, pictures and HDF5. Raises: InputError, OSError."""
+        files = WireStream(self._wire_files(), sensors, self.intake.lateness_s, len(self.ais) + len(self.nmea))
+        return VideoFileStream(files, self.pictures, self.haxr, sensors.radars)
 
     def _assumed_s(self) -> float:
         return math.nan if self.assume_start_utc is None else self.assume_start_utc.timestamp()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal, Self
 
 import numpy as np
 from pydantic import model_validator
 
-from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors, Videos
+from coastwatch.batches import Fault, FileContent, Floats, Radars, Recording, Reports, Sensors, Videos
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.sensors.files import WireFile, WireStream, wire_file
@@ -49,10 +50,9 @@ class VideoFiles(Method):
     def _stream(self, sensors: Sensors) -> VideoFileStream:
         if not len(sensors.radars):
             raise InputError("radars: got none, needed one where input.method is video_files")
-        tally = Tally()
-        others: list[PictureStream | HaxrStream] = [PictureStream(one, sensors.radars, tally) for one in self.pictures]
-        others += [HaxrStream(one, sensors.radars, tally) for one in self.haxr]
-        return VideoFileStream(WireStream(self._wire_files(), sensors, self.lateness_s), others, tally)
+        return VideoFileStream(
+            WireStream(self._wire_files(), sensors, self.lateness_s), self.pictures, self.haxr, sensors.radars
+        )
 
     def _wire_files(self) -> list[WireFile]:
         """Raises: InputError: an address of another format."""
@@ -68,9 +68,11 @@ class VideoFiles(Method):
 class VideoFileStream:
     """The video of files of CAT 240 and of others, by time. It is read once, forwards."""
 
-    def __init__(self, files: WireStream, others: list[PictureStream | HaxrStream], tally: Tally) -> None:
-        """Args: tally: of the others."""
-        self._files, self._others, self._tally = files, others, tally
+    def __init__(self, files: WireStream, pictures: Sequence[Pictures], haxr: Sequence[HaxrFile], radars: Radars) -> None:
+        """Args: files: of CAT 240, and of any other wire format. Raises: OSError, InputError that names the file."""
+        self._files, self._tally = files, Tally()
+        self._others: list[PictureStream | HaxrStream] = [PictureStream(one, radars, self._tally) for one in pictures]
+        self._others += [HaxrStream(one, radars, self._tally) for one in haxr]
 
     def between(self, after_s: float, until_s: float) -> Reports:
         """As `ReportStream.between`."""
@@ -81,10 +83,14 @@ class VideoFileStream:
         """As `ReportStream.rest`."""
         return self._files.rest(after_s) + sum(one.after(after_s) for one in self._others)
 
+    def spans(self) -> list[Floats]:
+        """Times of the first and the last report of each part that has any. It reads the files to their ends."""
+        spans = [self._files.span(), *(one.span_s() for one in self._others)]
+        return [np.array(span) for span in spans if span[0] <= span[1]]
+
     def span(self) -> tuple[float, float]:
         """Of all spokes. It reads the files to their ends. Raises: InputError: there is no spoke."""
-        spans = [self._files.span(), *(one.span_s() for one in self._others)]
-        found = [np.array(span) for span in spans if span[0] <= span[1]]
+        found = self.spans()
         return span_of(*found, faults=self.faults())
 
     def faults(self) -> tuple[Fault, ...]:
