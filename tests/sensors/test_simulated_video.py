@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import tracemalloc
 from dataclasses import replace
 from itertools import pairwise
@@ -11,6 +12,7 @@ import pytest
 
 from coastwatch.geodesy import offset_deg, to_plane
 from coastwatch.scenario import load_scenario
+from coastwatch.sensors.simulated import simulation
 from coastwatch.sensors.simulated.video import Ship, _disc, motion_of
 
 pytestmark = pytest.mark.contract
@@ -128,6 +130,21 @@ def test_a_long_coast_takes_little_memory():
     tracemalloc.stop()
     assert np.abs(disc.land.sum(axis=1) - 1500.0 / disc.cell_m).max() < 1.5
     assert peak < 150e6  # 131,072 cells and 600 sides at once: 1 GB
+
+
+def test_a_long_coast_is_the_same_whether_cells_or_sides_come_first():
+    rng = np.random.default_rng(4)
+    corners = rng.uniform(-1.0, 1.0, (400, 2)).round(2)  # crosses itself, with level and double sides
+    position = np.concatenate([rng.uniform(-1.2, 1.2, (4_000, 2)), corners, 0.5 * (corners + np.roll(corners, -1, axis=0))])
+    assert len(position) * len(corners) > simulation.MOST_PAIRS
+    few = np.concatenate([simulation.inside(part, corners) for part in np.array_split(position, 50)])
+    np.testing.assert_array_equal(simulation.inside(position, corners), few)
+    assert 0.3 < few.mean() < 0.7
+    begun_s = time.process_time()
+    simulation.inside(
+        rng.uniform(-1.2, 1.2, (500_000, 2)), np.stack([np.sin(turn := np.arange(2_000) / 318.3), np.cos(turn)], -1)
+    )
+    assert time.process_time() - begun_s < 1.5  # 0.1 s; each position with each side takes 6 s
 
 
 def test_legs_turn_a_ship_and_come_again():

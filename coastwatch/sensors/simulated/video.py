@@ -28,7 +28,6 @@ NOISE_DB = 10.0  # of level 0 under the mean noise
 LINEAR_NOISE = 3.0  # level of the noise in linear video
 BEAM_ROUNDS = 3  # iterations until the beam meets a ship
 NEAR_M = 60.0  # beyond a hull and a beam, within which a plot is of it
-MOST_SIDES = 1 << 20  # pairs of a cell and a side of land that are looked at together
 QUARTER = 0.25  # of a turn: near the antenna no more than so much is near a hull
 
 
@@ -279,8 +278,7 @@ def _disc(s: SimulatedVideo, sensors: Sensors, radar: int) -> Disc:
         flat = np.zeros(len(position), np.bool_)
         for corners in map(np.array, rings):
             near = np.flatnonzero(((position >= corners.min(axis=0)) & (position <= corners.max(axis=0))).all(axis=1))
-            for row in np.array_split(near, len(near) * len(corners) // MOST_SIDES + 1):
-                flat[row] ^= inside(position[row], corners)
+            flat[near] ^= inside(position[near], corners)
         land = flat.reshape(s.spokes, s.cells)
     if s.rain:
         rain = np.zeros((s.spokes, s.cells), np.float32)
