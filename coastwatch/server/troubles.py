@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -32,8 +33,10 @@ def of_feeds(feeds: Sequence[FeedState], now_s: float) -> list[Trouble]:
         silent_s, error = feed["silent_s"], feed["error"]
         text = f"nothing has come for {silent_s:.0f} s" + (f": {error}" if error else "")
         troubles.append(Trouble("feed", feed["name"], now_s - silent_s, text, False))
+    ways = Counter(radar["name"] for feed in feeds for radar in feed.get("radars", ()))
     for feed in feeds:
         for radar in feed.get("radars", ()):
-            troubles += [Trouble("video", radar["name"], None, text, False) for text in radar["troubles"]]
+            where = f" (over {feed['name']})" if ways[radar["name"]] > 1 else ""
+            troubles += [Trouble("video", radar["name"], None, text + where, False) for text in radar["troubles"]]
         troubles += [Trouble("feed", feed["name"], None, text, False) for text in feed.get("troubles", ())]
     return troubles

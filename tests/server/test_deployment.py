@@ -91,6 +91,17 @@ def test_every_metric_that_a_rule_or_panel_names_is_one_of_the_server() -> None:
     assert all(f'count="{word}"' in text for word in counts)
 
 
+def test_stopped_video_sounds_once_for_each_radar_and_names_it() -> None:
+    text, _ = metrics()
+    (series,) = re.findall(r"^coastwatch_radar_silent_seconds\{(.*)\} ", text, re.MULTILINE)
+    labels = {word.partition("=")[0] for word in re.findall(r'\w+="[^"]*"', series)}
+    rules = {rule["alert"]: rule for group in yaml.safe_load(ALERTS.read_text("utf-8"))["groups"] for rule in group["rules"]}
+    rule = rules["CoastwatchVideoStopped"]
+    (kept,) = re.findall(r"^min by \(([^)]*)\) \(coastwatch_radar_silent_seconds\) > \d+$", rule["expr"])
+    assert labels - set(kept.split(", ")) == {"feed"}
+    assert "{{ $labels.radar }}" in rule["annotations"]["summary"]
+
+
 def test_every_alert_has_a_page_and_every_page_is_in_the_list() -> None:
     pages = OPS / "runbook"
     rules = [rule for group in yaml.safe_load(ALERTS.read_text("utf-8"))["groups"] for rule in group["rules"]]

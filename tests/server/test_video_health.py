@@ -72,6 +72,16 @@ def test_troubles_of_radars_are_among_those_of_the_server():
     assert of_feeds([feed], NOW_S) == [Trouble("video", "north", None, radars[0]["troubles"][0], False)]
 
 
+def test_troubles_of_a_radar_that_comes_over_two_feeds_name_the_feed():
+    stopped = VideoHealth({"north": state()}).states(NOW_S + 20.0)
+    feeds = [
+        {**Link().as_feed(name, radars=radars), "silent_s": 0.0}
+        for name, radars in (("left", stopped), ("right", VideoHealth({"north": state()}).states(NOW_S)))
+    ]
+    (said,) = of_feeds(feeds, NOW_S)
+    assert said.text == "its video has stopped: nothing has come for 20 s (over left)"
+
+
 def test_a_radar_of_two_feeds_has_metrics_of_each():
     feeds = [
         Link().as_feed(name, radars=VideoHealth({"north": state(spokes_lost=lost)}).states(NOW_S))
