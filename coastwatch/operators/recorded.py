@@ -130,7 +130,8 @@ def document(files: Files, sensors: Mapping[str, Sequence[Site]], period_s: floa
         "tracks": [name for name, so in tracks.items() if not so],
         "track_sentences": [name for name, so in tracks.items() if so],
     }
-    paths = [name for part in parts.values() for name in part] + [str(file.path) for file in (*files.feeds, *files.screens)]
+    paths = [name for part in parts.values() for name in part] + [str(feed.path) for feed in files.feeds]
+    paths += [str(file.path) for file in files.screens]
     screens = {kind: [file.settings() for file in files.screens if file.kind == kind] for kind in SCREENS}
     is_cleaned = bool(screens["haxr"]) and not screens["pictures"] and not any(feed.format == "video" for feed in files.feeds)
     parts["feeds"] = [feed.text for feed in files.feeds]

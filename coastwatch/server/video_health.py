@@ -151,7 +151,11 @@ class PlotsOfVideo:
         return values
 
     def _add_to(self, radar: RadarState) -> None:
-        radar.update(self._made(radar["name"], radar["turn_s"]))
+        made = self._made(radar["name"], radar["turn_s"])
+        radar["plots_a_turn"] = made.get("plots_a_turn")
+        radar["threshold_db"] = made.get("threshold_db")
+        radar["detection_probability"] = made.get("detection_probability")
+        radar["false_plots_a_turn"] = made.get("false_plots_a_turn")
 
     def _made(self, name: str, turn_s: float | None) -> Made:
         """What is made of the video of a radar; empty: nothing yet. Args: turn_s: measured."""

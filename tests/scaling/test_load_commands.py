@@ -14,7 +14,7 @@ import pytest
 
 from coastwatch.store import open_store, runs
 from coastwatch.store.schema import database
-from scaling.load import cycle, dense, queries, ramp, seeds, soak, stages
+from scaling.load import cycle, dense, queries, ramp, scenario_cost, seeds, soak, stages
 from scaling.load.run import Load, run_cycles
 
 pytestmark = pytest.mark.contract
@@ -166,3 +166,24 @@ def test_the_exponent_of_growth_is_that_of_the_seconds() -> None:
     runs = [{"vessels": n, "stages_s": {"quick": 1e-6 * n, "square": 1e-6 * n**2}} for n in (100, 200, 400)]
     assert dense.exponents(runs)["square"] == pytest.approx(2.0)
     assert np.isnan(dense.exponents(runs)["quick"])
+
+
+def test_the_cost_of_a_scenario_has_what_a_comparison_of_checkouts_takes(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    words = ["command", "guanabara", "--set", "cycles=3", "--set", "input.count=30", "--json"]
+    monkeypatch.setattr(sys, "argv", words)
+    scenario_cost.main()
+    found = json.loads(capfd.readouterr().out)
+    assert 0.0 < found["compute_cpu_s"] < 2.0
+    assert found["compute_s"]["median"] > 0.0
+    assert found["cycles"] > 3
+    assert found["quality"]["associations"]
+    asked = []
+    compared = {"module": "m", "arguments": ["a"], "ratio": {"compute_cpu_s": 1.0}, "quality": {"this": 1, "baseline": 1}}
+    compared["compute_cpu_s"] = {"this": [0.01], "baseline": [0.01]}
+    monkeypatch.setattr(scenario_cost.baseline, "compare", lambda *given: asked.append(given) or compared)
+    monkeypatch.setattr(sys, "argv", [*words[:-1], "--baseline", "/there"])
+    scenario_cost.main()
+    assert capfd.readouterr().out.endswith("scores: the same\n")
+    assert asked[0][:2] == (Path("/there"), [*words[1:2], "--seed", "1", *words[2:-1]])

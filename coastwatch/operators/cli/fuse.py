@@ -30,13 +30,8 @@ def fuse(options: argparse.Namespace) -> int:
     found = {text: recorded.screen_file(text) for text in options.video}
     screens = [file for file in found.values() if file is not None]
     feeds = [*map(wire_file, options.feed), *(_video_file(text) for text, file in found.items() if file is None)]
-    for name in (
-        *options.ais,
-        options.plots,
-        options.bearings,
-        *options.tracks,
-        *(str(one.path) for one in (*feeds, *screens)),
-    ):
+    of_feeds = [str(path) for path in (*(feed.path for feed in feeds), *(file.path for file in screens))]
+    for name in (*options.ais, options.plots, options.bearings, *options.tracks, *of_feeds):
         if name is not None and not Path(name).exists():  # the reader of scenarios would look in the checkout too
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), name)
     _check_video([feed.path for feed in feeds if feed.format == VIDEO], [file.path for file in screens], options)
