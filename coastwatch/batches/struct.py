@@ -120,6 +120,20 @@ class Batch(Struct):
             every[name] = np.broadcast_to(np.array(np.nan if dtype.kind == "f" else 0, dtype), shape)
         return type(self)(**every)
 
+    def with_room(self, rows: int) -> Self:
+        """These rows, and so many more behind them whose values are arbitrary."""
+        larger = {}
+        for name in _layout(type(self)).names:
+            old = getattr(self, name)
+            larger[name] = np.empty((len(self) + rows, *old.shape[1:]), old.dtype)
+            larger[name][: len(self)] = old
+        return type(self)(**larger)
+
+    def put(self, first: int, rows: Self) -> None:
+        """Write these rows over those from a first one on, in place."""
+        for name in _layout(type(self)).names:
+            getattr(self, name)[first : first + len(rows)] = getattr(rows, name)
+
     @classmethod
     def join(cls, parts: list[Self]) -> Self:
         """The rows of all parts, one after the other; no part gives an empty batch."""

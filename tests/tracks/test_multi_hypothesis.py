@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from radar_world import ORIGIN_DEG, PERIOD_S, plots_of, run, two_radars, world
 
 from coastwatch.geodesy import to_plane
-from coastwatch.kernels.tracks import hypothesis_trees
+from coastwatch.kernels.tracks import hypothesis_trees, tree_rows
 from coastwatch.scenario import ScenarioError, load_scenario
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import TableTracker
@@ -68,6 +68,21 @@ def test_children_that_are_left_out_before_they_grow_would_not_have_stayed(dense
     every, whole = run(tracker, dense, 8)
     assert np.array_equal(memory.forest.leaves.plot, every.forest.leaves.plot)
     assert np.array_equal(out[-1].covariance, whole[-1].covariance)
+
+
+def test_the_choice_of_trees_that_share_nothing_with_a_look_stands(monkeypatch):
+    """A look chooses among the trees that bear on it: all trees together give the same leaves, where similar ones stay.
+
+    Not where a choice is not proven best: another one may be found when it is made again.
+    """
+    monkeypatch.setattr(hypothesis_trees, "drop_similar", lambda *_: None)
+    tracker, plots = TableTracker(method="multi_hypothesis"), plots_of(world(40, 5), two_radars(), 40.0, 5, detection=0.8)
+    memory, out = run(tracker, plots, 8)
+    monkeypatch.setattr(tree_rows, "bearing_on", lambda leaves, trees, *_: trees.leaves > 0)
+    every, whole = run(tracker, plots, 8)
+    assert len(memory.forest.leaves) > len(memory.table.live)
+    assert np.array_equal(memory.forest.leaves.plot, every.forest.leaves.plot)
+    np.testing.assert_allclose(out[-1].covariance, whole[-1].covariance, rtol=1e-9, atol=1e-9)
 
 
 def test_ships_abreast_stay_two():

@@ -20,6 +20,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "report",
         "thesis_growth",
         "track_life",
+        "tree_rows",
         "vessel_ids",
     ],
 )

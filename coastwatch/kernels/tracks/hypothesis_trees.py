@@ -24,6 +24,10 @@ TWO_PI = 2.0 * math.pi
 FAINT = 1e-250  # of a likelihood
 ROUNDING = 1e-6  # of costs that are summed in another order
 LEAST_MISS_COST = 6.0  # cost of a miss above that of its only plot, from which it may be left out
+NEAR = 4.0  # squared distance
+LEAST_DIFFERENCE = 1.0  # of costs of leaves, one of which is left out as similar
+HIGHEST = 2**62  # above the number of any plot
+WAVERS = 3.0  # what a tree would pay for a plot may rise so much by later looks
 LEAST = 1e-12  # of the probability that a vessel gives a plot
 
 
@@ -299,6 +303,8 @@ def miss_looks(leaves, turns, look, chain):  # type: ignore[no-untyped-def]
     """Lower existence and visibility of leaves by looks of a radar without a plot, in place. Args: turns: (S,); look: Look."""
     for i in range(len(leaves.slot)):
         n = leaves.slot[i]
+        if n < 0:  # a spare row
+            continue
         for missing in range(turns[n]):
             _fade(leaves, i, look.before[n] + (missing + 1) * look.period, chain)
             _miss(leaves, i, look.detection)
@@ -317,6 +323,94 @@ def cheapest(start, cost, most, gap):  # type: ignore[no-untyped-def]
         for place in range(min(most, end - first)):
             keep[first + order[place]] = cost[first + order[place]] <= cost[first + order[0]] + gap
     return keep
+
+
+@jit
+def _numbers(plot):  # type: ignore[no-untyped-def]
+    """The least number of a plot in these windows, and how many numbers there are from it to the largest. Args: plot: (L, W)."""
+    least, most = HIGHEST, -1
+    for m in plot.ravel():
+        if m >= 0:
+            least, most = min(least, m), max(most, m)
+    return least, max(most - least + 1, 0)
+
+
+@jit
+def _wanted(start, cost, plot, null):  # type: ignore[no-untyped-def]
+    """How much the tree that gains most, and the next, would pay for each plot: the rise of its cost if it may not have it.
+
+    Returns: number of the first plot, the gaining tree of each plot (-1: none), its gain, and that of the next (-inf: none).
+    Args: start: (T + 1,); cost: (L,); plot: (L, W) numbers, -1: none; null: (T,) cost of "no vessel".
+    """
+    least, count = _numbers(plot)
+    tree, gain, next_gain = np.full(count, -1), np.full(count, -np.inf), np.full(count, -np.inf)
+    done = np.full(count, -1)
+    for t in range(len(start) - 1):
+        for i in range(start[t], start[t + 1]):
+            for m in plot[i]:
+                if m < 0 or done[m - least] == t:
+                    continue
+                done[m - least] = t
+                having, without = cost[i], null[t]
+                for j in range(start[t], start[t + 1]):
+                    has = False
+                    for w in range(plot.shape[1]):
+                        has |= plot[j, w] == m
+                    if has:
+                        having = min(having, cost[j])
+                    else:
+                        without = min(without, cost[j])
+                saved, k = without - having, m - least
+                if saved > gain[k]:
+                    tree[k], gain[k], next_gain[k] = t, saved, gain[k]
+                else:
+                    next_gain[k] = max(next_gain[k], saved)
+    return least, tree, gain, next_gain
+
+
+@jit
+def _close(mean, other, spread):  # type: ignore[no-untyped-def]
+    """Whether two positions, and two velocities, are within one standard deviation. Args: (4,), (4,), spread: (4, 4)."""
+    for a in (0, 2):
+        one, two = mean[a] - other[a], mean[a + 1] - other[a + 1]
+        ee, en, nn = spread[a, a], spread[a + 1, a], spread[a + 1, a + 1]
+        if nn * one * one - 2.0 * en * one * two + ee * two * two >= NEAR * (ee * nn - en * en):
+            return False
+    return True
+
+
+@jit
+def drop_similar(start, leaves, rows, null, confirmed, keep):  # type: ignore[no-untyped-def]
+    """Leave out leaves of confirmed trees that say what a cheaper one of their tree says, without some of its plots. Writes `keep`.
+
+    Both must be alike in position and velocity, and other trees must want these plots less than what the dearer leaf costs more: then
+    nothing is decided by it (similar hypotheses: Liland, section 4.3, for trees that are alone).
+    Args: start: (T + 1,); leaves: LeafColumns; rows: (L,) of these leaves; null: (T,) cost of "no vessel"; confirmed: (T,);
+    keep: (L,) leaves that stay.
+    """
+    cost, plot, mmsi = leaves.cost[rows], leaves.plot[rows], leaves.mmsi[rows]
+    least, tree, gain, next_gain = _wanted(start, cost, plot, null)
+    for t in range(len(start) - 1):
+        if not confirmed[t]:
+            continue
+        for i in range(start[t], start[t + 1]):
+            for j in range(start[t], start[t + 1]):
+                if not keep[i]:
+                    break
+                if not keep[j] or mmsi[i] != mmsi[j]:
+                    continue
+                dearer = cost[i] - cost[j] - LEAST_DIFFERENCE
+                for w in range(plot.shape[1]):
+                    m = plot[j, w]
+                    if plot[i, w] == m:
+                        continue
+                    if plot[i, w] >= 0 or m < 0:
+                        dearer = -1.0
+                        break
+                    others = next_gain[m - least] if tree[m - least] == t else gain[m - least]
+                    dearer -= max(others + WAVERS, 0.0)
+                if dearer >= 0.0 and _close(leaves.mean[rows[i]], leaves.mean[rows[j]], leaves.spread[rows[i]]):
+                    keep[i] = False
 
 
 @jit

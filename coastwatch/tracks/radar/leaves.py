@@ -6,13 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Batch, Floats, Ints
 from coastwatch.batches.struct import Struct, column
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.smoothing import Steps
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.kernels.tracks.hypothesis_trees import LeafColumns
+from coastwatch.kernels.tracks.tree_rows import TreeRows
 from coastwatch.tracks.radar.motion import Filters
+
+SPARE = 2  # times as many rows as are needed are made ready
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +87,10 @@ class Decided(Batch):
 
 @dataclass(frozen=True, eq=False)
 class Forest(Struct):
-    """The leaves of a region, and what is kept for each slot. Leaves of a slot without a track go at the next plots."""
+    """The leaves of a region, and what is kept for each slot.
+
+    During a cycle rows of leaves in slot -1 are spare, and so are steps that no leaf has. `compact` takes them out at its end.
+    """
 
     leaves: Leaves
     steps: FilterSteps  # of these leaves
@@ -99,15 +106,40 @@ class Forest(Struct):
         leaves, zeros = Leaves.empty(W=window, R=radars, J=models), np.zeros(0)
         return cls(leaves, FilterSteps.empty(), Decided.empty(), 0, zeros, np.zeros(0, np.int64), zeros)
 
-    def with_leaves(self, leaves: Leaves, steps: FilterSteps) -> Forest:
-        """These leaves, with those of the steps that they have: rows are renumbered in place."""
-        used = np.zeros(len(steps) + 1, np.bool_)
+    def trees(self) -> TreeRows:
+        """Where the leaves of each slot stand."""
+        rows: TreeRows = kernels.tracks.tree_rows.tree_rows(self.leaves.slot, self.leaves.step, len(self.nulled))
+        return rows
+
+    def replaced(self, trees: TreeRows, slots: Ints, leaves: Leaves, steps: FilterSteps) -> Forest:
+        """This forest with these leaves in place of those of these slots. It consumes the forest.
+
+        Args: trees: of this forest; leaves: those of a slot together; steps: new ones, in rows `trees.steps` and after it.
+        """
+        old, at, kept = self.leaves, trees.rows, self.steps
+        old.slot[kernels.tracks.tree_rows.rows_of(trees, slots)] = -1
+        if at + len(leaves) > len(old):
+            used = np.flatnonzero(old.slot >= 0)
+            at = len(used)
+            old = old.take(used).with_room(SPARE * (at // 2 + len(leaves)))
+        old.slot[at:] = -1
+        old.put(at, leaves)
+        if trees.steps + len(steps) > len(kept):
+            kept = kept.take(np.arange(trees.steps)).with_room(SPARE * (trees.steps // 2 + len(steps)))
+        kept.put(trees.steps, steps)
+        return replace(self, leaves=old, steps=kept)
+
+    def compact(self, live: Ints) -> Forest:
+        """This forest with the leaves of these slots alone, in order of slots, and the steps that they have."""
+        slots, trees = np.sort(live), self.trees()
+        leaves = self.leaves.take(kernels.tracks.tree_rows.rows_of(trees, slots))
+        used = np.zeros(trees.steps + 1, np.bool_)
         used[leaves.step] = True
         used[-1] = False  # of no step
         rows = np.cumsum(used) - 1
         rows[-1] = -1
         leaves.step[:] = rows[leaves.step]
-        return replace(self, leaves=leaves, steps=steps.take(used[:-1]))
+        return replace(self, leaves=leaves, steps=self.steps.take(np.flatnonzero(used)))
 
     def check_slots(self, filters: tuple[int, ...], radars: int) -> None:
         """Check the leaves against the table. Args: filters: (slots, models of each); radars: R. Raises: ValueError."""

@@ -55,6 +55,8 @@ def choose_and_prune(rules: Pruning, forest: Forest, leaves: Leaves, looked: Boo
     decided = np.unique(final[seen & (final >= 0)])
     if len(decided):
         keep &= ~np.isin(plot[:, 1:], decided).any(axis=1)
+    if (confirmed := status[slot] == Status.CONFIRMED).any():
+        trees.drop_similar(start, leaves.columns, kept, null, confirmed, keep)
     rows, start = trees.pruned(start, keep, chosen)
     forest.null_cost[slot] = null = np.clip(null - cost[chosen], -WIDEST, WIDEST)
     leaves = leaves.take(kept[rows])

@@ -14,9 +14,9 @@ from coastwatch.tracks.radar.table import Status, Table
 def decide(forest: Forest, table: Table, pruned: Pruned, looked: Bools) -> Forest:
     """This forest with the states that became final by a look, of confirmed tracks.
 
-    Args: forest: with the leaves that stay; pruned: the same leaves; looked: (S,) trees that were looked at.
+    Args: forest: with the steps of the leaves that stay; pruned: these leaves; looked: (S,) trees that were looked at.
     """
-    path = forest.leaves.step[pruned.start[:-1]]
+    path = pruned.leaves.step[pruned.start[:-1]]
     final = looked[pruned.slot] & (table.status[pruned.slot] == Status.CONFIRMED) & (path[:, 0] >= 0)
     if not final.any():
         return forest

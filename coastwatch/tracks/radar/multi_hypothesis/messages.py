@@ -32,7 +32,7 @@ from coastwatch.tracks.radar.messages.weighing import (
 from coastwatch.tracks.radar.motion import Filters
 from coastwatch.tracks.radar.multi_hypothesis.choice import Pruning, choose_and_prune
 from coastwatch.tracks.radar.multi_hypothesis.decided import decide
-from coastwatch.tracks.radar.multi_hypothesis.trees import OWNED, forest_of, shares, with_roots, write_chosen
+from coastwatch.tracks.radar.multi_hypothesis.trees import OWNED, forest_of, shares, with_others, with_roots, write_chosen
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.table import RadarMemory, Table
 
@@ -66,7 +66,9 @@ def _take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: Radar
     looked_s = np.full(len(table.track_id), -np.inf)
     np.maximum.at(looked_s, leaves.slot[heard.leaf], batch.time[heard.message])
     looked = np.isfinite(looked_s)
-    rows = np.flatnonzero(looked[leaves.slot])
+    trees = forest.trees()
+    rows = kernels.tracks.tree_rows.rows_of(trees, np.flatnonzero(looked))
+    of_looked = leaves.slot[heard.leaf], messages.mmsi[heard.message]
     life = ExistenceColumns(
         leaves.existence, leaves.visibility, leaves.existence_s, leaves.radar_s, leaves.misses, leaves.radar_s
     )
@@ -74,15 +76,15 @@ def _take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: Radar
     for window in (leaves.plot, leaves.step):
         window[rows, :-1] = window[rows, 1:]
         window[rows, -1] = -1
-    children, steps = _children(parts, rules, table, forest, heard, messages)
+    children, steps = _children(parts, rules, table, forest, trees.steps, heard, messages)
     wrong = -math.log(max(1.0 - rules.correct_id, 1e-12))
     of_tree = leaves.slot[heard.leaf] * MMSI_DIGITS + messages.mmsi[heard.message]
     refuses = (leaves.mmsi[rows] >= 0) & np.isin(leaves.slot[rows] * MMSI_DIGITS + leaves.mmsi[rows], of_tree)
     leaves.cost[rows[refuses]] += wrong
-    grown = Leaves.join([leaves, children])
-    grown = grown.take(np.argsort(grown.slot, kind="stable"))
+    grown = Leaves.join([leaves.take(rows), children])
+    grown = with_others(forest, trees, grown.take(np.argsort(grown.slot, kind="stable")), looked, of_looked)
     pruned = choose_and_prune(pruning, forest, grown, looked, table.status)
-    forest = replace(forest.with_leaves(pruned.leaves, steps), next_plot=first + len(messages))
+    forest = replace(forest.replaced(trees, pruned.slot, pruned.leaves, steps), next_plot=first + len(messages))
     taken = write_chosen(parts, table, pruned, looked, first, batch)
     got = np.flatnonzero(taken >= 0)
     np.maximum.at(table.message_s, taken[got], batch.time[got])
@@ -98,7 +100,7 @@ def _take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: Radar
 def _heard(parts: Parts, rules: Sequential, leaves: Leaves, messages: Messages) -> Heard:
     """The messages in the gate of any model of each leaf."""
     batch, lively = columns_of(messages), np.full(len(leaves), parts.bank.models["noise"].max())
-    limit, every = COARSE * gate(parts.existence.gate_probability, 2), np.arange(len(leaves))
+    limit, every = COARSE * gate(parts.existence.gate_probability, 2), np.flatnonzero(leaves.slot >= 0)
     estimates = leaves.estimates._replace(noise=lively)
     pairs = kernels.tracks.gate.candidates(estimates, every, batch, limit, parts.existence.late_s)
     by_leaf = np.argsort(pairs.track, kind="stable")
@@ -124,9 +126,9 @@ def _heard(parts: Parts, rules: Sequential, leaves: Leaves, messages: Messages) 
 
 
 def _children(
-    parts: Parts, rules: Sequential, table: Table, forest: Forest, heard: Heard, messages: Messages
+    parts: Parts, rules: Sequential, table: Table, forest: Forest, first_step: int, heard: Heard, messages: Messages
 ) -> tuple[Leaves, FilterSteps]:
-    """The leaves that take a message, and all steps of the filters. The windows of their parents have moved on already.
+    """The leaves that take a message, and the steps of their filters. The windows of their parents have moved on already.
 
     A leaf without an MMSI takes that of the message; if another track has it, it may also take the message alone. So may a leaf with
     another MMSI, or change its own. Of children with one history and one MMSI the cheapest stays.
@@ -168,7 +170,7 @@ def _children(
     mean, covariance = kernels.filters.imm.estimate_filters(*(column[pair] for column in heard.predicted))
     mean, covariance = np.ascontiguousarray(mean[:, :4]), np.ascontiguousarray(covariance[:, :4, :4])
     children.plot[:, -1] = forest.next_plot + message[pair]
-    children.step[:, -1] = len(forest.steps) + np.arange(len(pair))
+    children.step[:, -1] = first_step + np.arange(len(pair))
     new = FilterSteps(updated_s, estimates.mean, estimates.covariance, mean, covariance, np.full(len(pair), -1))
     children = replace(
         children,
@@ -184,7 +186,7 @@ def _children(
         combined_covariance=estimates.covariance,
         noise_m2_s3=estimates.noise,
     )
-    return children, FilterSteps.join([forest.steps, new])
+    return children, new
 
 
 def _begin(parts: Parts, rules: Sequential, memory: RadarMemory, messages: Messages, existence: Floats) -> RadarMemory:

@@ -14,6 +14,7 @@ from coastwatch.batches import Bools, Floats, Ints, Messages, Radars
 from coastwatch.kernels.filters.gaussian import Estimates, gate, squared_distance
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
 from coastwatch.kernels.tracks.hypothesis_trees import Look
+from coastwatch.kernels.tracks.tree_rows import TreeRows
 from coastwatch.stage import Count, Positive, Settings
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
 from coastwatch.tracks.radar.life.existence import merge_duplicates
@@ -27,6 +28,7 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     forest_of,
     keep_heard,
     shares,
+    with_others,
     with_roots,
     write_chosen,
 )
@@ -64,13 +66,14 @@ class MultiHypothesis(Settings):
         unborn_per_m2 = float(rules.new_per_m2(rates.probability)[radar])
         nobody = false_per_m2 + unborn_per_m2
         period_s, before_s = float(sensors.period_s[radar]), table.looked_s[:, radar].copy()
-        unseen_s, numbers = np.full(len(before_s), -np.inf), (forest.next_plot, len(forest.steps))
+        unseen_s, trees = np.full(len(before_s), -np.inf), forest.trees()
         lone = np.zeros(len(batch.time), np.bool_)
-        look = Look(radar, period_s, detection, unseen_s, before_s, nobody, lone, numbers[0], numbers[1])
-        grown, steps = _grown(parts, forest, batch, look, (table.status, self.leaves, self.score_gap))
+        look = Look(radar, period_s, detection, unseen_s, before_s, nobody, lone, forest.next_plot, trees.steps)
+        grown, steps = _grown(parts, forest, trees, batch, look, (table.status, self.leaves, self.score_gap))
         looked = np.isfinite(look.time)
+        grown = with_others(forest, trees, grown, looked)
         pruned = choose_and_prune(self._pruning, forest, grown, looked, table.status)
-        forest = forest.with_leaves(pruned.leaves, steps)
+        forest = forest.replaced(trees, pruned.slot, pruned.leaves, steps)
         forest = replace(forest, next_plot=forest.next_plot + len(batch.time))
         taken = write_chosen(parts, table, pruned, looked, look.number, batch)
         at = pruned.slot[looked[pruned.slot]]
@@ -123,7 +126,8 @@ class MultiHypothesis(Settings):
 
     def end_cycle(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
         """Merge tracks of one vessel."""
-        return merge_duplicates(parts.existence, memory, parts.sensors.radars.period_s, time_s)
+        memory = merge_duplicates(parts.existence, memory, parts.sensors.radars.period_s, time_s)
+        return replace(memory, forest=memory.forest.compact(memory.table.live))
 
     def predict(self, parts: Parts, memory: RadarMemory, slots: Ints, time_s: float) -> tuple[Estimates, Floats]:
         """The tracks in these slots (N), predicted to a time: the mean of the chosen leaf, and the covariance of all leaves about it.
@@ -154,16 +158,18 @@ class MultiHypothesis(Settings):
 
 
 def _grown(
-    parts: Parts, forest: Forest, batch: PlotColumns, look: Look, trees: tuple[Ints, int, float]
+    parts: Parts, forest: Forest, trees: TreeRows, batch: PlotColumns, look: Look, bounds: tuple[Ints, int, float]
 ) -> tuple[Leaves, FilterSteps]:
-    """The children of leaves, and all steps of their filters. The time of the look of each tree, and which plots are alone, are
-    written into `look`. Args: trees: status of each slot (S,), leaves of a tree that stay, and their gap.
+    """The children of the leaves of trees with a plot in a gate, and the steps of their filters.
+
+    The time of the look of each tree, and which plots are alone, are written into `look`.
+    Args: bounds: status of each slot (S,), leaves of a tree that stay, and their gap.
     """
-    status, most, gap = trees
+    status, most, gap = bounds
     leaves, rules = forest.leaves, parts.existence
     lively = np.full(len(leaves), parts.bank.models["noise"].max())
-    limit, rows = gate(rules.gate_probability, 2), np.arange(len(leaves))
-    pairs = kernels.tracks.gate.candidates(leaves.estimates._replace(noise=lively), rows, batch, limit, rules.late_s)
+    limit, every = gate(rules.gate_probability, 2), np.flatnonzero(leaves.slot >= 0)
+    pairs = kernels.tracks.gate.candidates(leaves.estimates._replace(noise=lively), every, batch, limit, rules.late_s)
     of_tree = leaves.slot[pairs.track]
     other = np.full(len(batch.time), -1)
     other[pairs.plot] = of_tree
@@ -172,18 +178,21 @@ def _grown(
     look.lone[:] = ~shared & confirmed[other]
     due = batch.time[pairs.plot] - leaves.radar_s[pairs.track, look.radar] > 0.5 * look.period
     leaf, plot = pairs.track[due], pairs.plot[due]
-    first, by_leaf = kernels.tables.counting_sort.counting_sort(leaf, len(leaves))
-    plot = plot[by_leaf]
-    np.maximum.at(look.time, leaves.slot[leaf], batch.time[pairs.plot[due]])
+    np.maximum.at(look.time, leaves.slot[leaf], batch.time[plot])
+    rows = kernels.tracks.tree_rows.rows_of(trees, np.flatnonzero(np.isfinite(look.time)))
+    place = np.empty(len(leaves), np.int64)
+    place[rows] = np.arange(len(rows))
+    first, by_leaf = kernels.tables.counting_sort.counting_sort(place[leaf], len(rows))
+    plot, parents = plot[by_leaf], leaves.take(rows).columns
     motion, promising = (parts.bank.prior.renewal_s, parts.bank.models), kernels.tracks.hypothesis_trees.promising
-    kept = promising(leaves.columns, first, plot, look, batch, rules.chain, motion, (most, gap))
+    kept = promising(parents, first, plot, look, batch, rules.chain, motion, (most, gap))
     if not kept.all():
         first, plot = np.append(0, np.cumsum(kept))[first], plot[kept]
     grow = kernels.tracks.hypothesis_trees.grow
-    grown, steps = grow(leaves.columns, first, plot, look, batch, rules.chain, motion[0], motion[1])
+    grown, steps = grow(parents, first, plot, look, batch, rules.chain, motion[0], motion[1])
     radar = np.full(len(plot), look.radar)
     new = FilterSteps(steps.time, steps.mean, steps.covariance, steps.predicted_mean, steps.predicted_covariance, radar)
-    return Leaves(*grown), FilterSteps.join([forest.steps, new])
+    return Leaves(*grown), new
 
 
 def _begin(parts: Parts, memory: RadarMemory, existence: Floats, batch: PlotColumns) -> RadarMemory:
@@ -217,12 +226,12 @@ def _turns(table: Table, radars: RadarColumns, place: int, radar: int, slack: fl
 
 def _write_existence(window: int, table: Table, forest: Forest, touched: Bools) -> None:
     """Existence, visibility and misses of these slots (S,) by their leaves, in place."""
-    leaves = forest.leaves
-    start = starts(leaves.slot)
-    first = start[:-1]
-    slots = leaves.slot[first]
-    _, existence = kernels.tracks.hypothesis_trees.weigh(start, leaves.cost, leaves.existence, forest.null_cost[slots])
+    leaves, trees = forest.leaves, forest.trees()
+    slots = np.flatnonzero(touched & (trees.leaves > 0))
+    rows, start = kernels.tracks.tree_rows.rows_of(trees, slots), np.append(0, np.cumsum(trees.leaves[slots]))
+    weigh = kernels.tracks.hypothesis_trees.weigh
+    _, existence = weigh(start, leaves.cost[rows], leaves.existence[rows], forest.null_cost[slots])
     existence[ended(forest.nulled[slots], table.status[slots], window)] = 0.0
-    rows, slots, existence = first[touched[slots]], slots[touched[slots]], existence[touched[slots]]
-    table.existence[slots], table.visibility[slots] = existence, leaves.visibility[rows]
-    table.existence_s[slots], table.misses[slots] = leaves.existence_s[rows], leaves.misses[rows]
+    first = trees.first[slots]
+    table.existence[slots], table.visibility[slots] = existence, leaves.visibility[first]
+    table.existence_s[slots], table.misses[slots] = leaves.existence_s[first], leaves.misses[first]

@@ -11,8 +11,9 @@ from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.kernels.tracks.columns import NAMES, PlotColumns
 from coastwatch.kernels.tracks.existence import SURELY
+from coastwatch.kernels.tracks.tree_rows import TreeRows
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
-from coastwatch.tracks.radar.multi_hypothesis.choice import WIDEST, Pruned, starts
+from coastwatch.tracks.radar.multi_hypothesis.choice import WIDEST, Pruned
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
@@ -38,32 +39,50 @@ def forest_of(memory: RadarMemory, looks: int) -> Forest:
     live = np.zeros(len(table.track_id), np.bool_)
     live[table.live] = True
     forest = forest.with_slots(len(live))
-    kept = live[forest.leaves.slot]
-    if not kept.all():
-        forest = replace(forest, leaves=forest.leaves.take(kept))
-    live[forest.leaves.slot] = False
-    roots = np.flatnonzero(live)
+    count = forest.trees().leaves
+    gone = np.flatnonzero((count > 0) & ~live)
+    if len(gone):
+        forest.leaves.slot[kernels.tracks.tree_rows.rows_of(forest.trees(), gone)] = -1
+    roots = np.flatnonzero(live & (count == 0))
     return with_roots(forest, table, roots, np.full(len(roots), -1)) if len(roots) else forest
 
 
 def with_roots(forest: Forest, table: Table, slots: Ints, plots: Ints) -> Forest:
     """This forest with a leaf for each of these tracks, which have none. Args: plots: (N,) number of the newest plot, -1: unknown."""
-    count, width = len(slots), forest.leaves.plot.shape[1]
+    forest = forest.with_slots(len(table.track_id))
+    trees, count, width = forest.trees(), len(slots), forest.leaves.plot.shape[1]
     window, step = np.full((2, count, width), -1)
     window[:, -1] = plots
-    step[:, -1] = len(forest.steps) + np.arange(count)
+    step[:, -1] = trees.steps + np.arange(count)
     mean, covariance = table.combined_mean[slots], table.combined_covariance[slots]
     radar = np.where(np.isfinite(table.radar_s[slots]).any(axis=1), table.radar_s[slots].argmax(axis=1), -1)
-    steps = FilterSteps.join([forest.steps, FilterSteps(table.updated_s[slots], mean, covariance, mean, covariance, radar)])
+    steps = FilterSteps(table.updated_s[slots], mean, covariance, mean, covariance, radar)
     of_table = {f.name: getattr(table, f.name)[slots] for f in fields(Leaves) if f.name not in OF_LEAVES}
     own = {"slot": slots, "cost": np.zeros(count), "existence": np.full(count, SURELY), "plot": window, "step": step}
     new = Leaves(**own, mmsi=table.probable_ids(slots, HELD), **of_table)
     existence = np.clip(table.existence[slots], 1.0 - SURELY, SURELY)
-    forest = forest.with_slots(len(table.track_id))
+    forest = forest.replaced(trees, slots, new, steps)
     forest.null_cost[slots] = np.clip(np.log(existence) - np.log1p(-existence), -WIDEST, WIDEST)
     forest.nulled[slots] = 0
     forest.until_s[slots] = -np.inf
-    return replace(forest, leaves=Leaves.join([forest.leaves, new]), steps=steps)
+    return forest
+
+
+def with_others(
+    forest: Forest, trees: TreeRows, grown: Leaves, looked: Bools, heard: tuple[Ints, Ints] | None = None
+) -> Leaves:
+    """These leaves of trees that were looked at, and those of trees that share a plot or an MMSI with them, in order of slots.
+
+    The choice of all other trees stands. Args: heard: slots that may take a message, and its MMSI.
+    """
+    none = np.zeros(0, np.int64)
+    bearing_on, columns = kernels.tracks.tree_rows.bearing_on, forest.leaves.columns
+    others = np.flatnonzero(bearing_on(columns, trees, *(heard or (none, none)), looked) & ~looked)
+    if not len(others):
+        return grown
+    rows = kernels.tracks.tree_rows.rows_of(trees, others)
+    both = Leaves.join([grown, forest.leaves.take(rows)])
+    return both.take(np.argsort(both.slot, kind="stable"))
 
 
 def write_chosen(parts: Parts, table: Table, pruned: Pruned, looked: Bools, first: int, batch: PlotColumns) -> Ints:
@@ -109,15 +128,15 @@ def keep_heard(forest: Forest, time_s: float) -> None:
 
     A message proves its vessel, whatever radars miss.
     """
-    leaves, heard = forest.leaves, forest.until_s >= time_s
-    if not heard.any():
+    leaves, trees, heard = forest.leaves, forest.trees(), forest.until_s >= time_s
+    slots = np.flatnonzero(heard & (trees.leaves > 0))
+    if not len(slots):
         return
-    rows = np.flatnonzero(heard[leaves.slot] & (leaves.mmsi >= 0))
+    rows = kernels.tracks.tree_rows.rows_of(trees, slots)
+    rows = rows[leaves.mmsi[rows] >= 0]
     leaves.existence[rows] = np.maximum(leaves.existence[rows], HEARD)
-    first = starts(leaves.slot)[:-1]
-    first = first[heard[leaves.slot[first]]]
-    slots = leaves.slot[first]
-    forest.null_cost[slots] = np.maximum(forest.null_cost[slots], leaves.cost[first] + math.log(HEARD / (1.0 - HEARD)))
+    chosen = leaves.cost[trees.first[slots]]
+    forest.null_cost[slots] = np.maximum(forest.null_cost[slots], chosen + math.log(HEARD / (1.0 - HEARD)))
 
 
 def shares(table: Table, pruned: Pruned, count: int, first: int) -> tuple[Floats, Floats, Floats]:

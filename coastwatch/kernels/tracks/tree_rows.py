@@ -1,0 +1,99 @@
+"""Where the leaves of multi-hypothesis trees stand among rows with gaps, and which trees bear on each other. Compiled by numba."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from coastwatch.kernels.arrays import Ints
+from coastwatch.kernels.association.connected_components import root
+from coastwatch.kernels.jit import jit
+
+LEAST_PLACES = 1024  # of a table of keys
+MIXER = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio: keys in a row go to places far apart
+
+
+class TreeRows(NamedTuple):
+    """The rows of each slot, which stand together. S slots."""
+
+    first: Ints  # (S,)
+    leaves: Ints  # (S,) how many, 0: the slot has none
+    rows: int  # up to the last one in use
+    steps: int  # the same, of the steps of filters
+
+
+@jit
+def tree_rows(slot, step, slots):  # type: ignore[no-untyped-def]
+    """The TreeRows of leaves. Args: slot: (L,) of each row, -1: a spare one; step: (L, W) rows of steps, -1: none; slots: S."""
+    first, count, rows, steps = np.zeros(slots, np.int64), np.zeros(slots, np.int64), 0, 0
+    for i in range(len(slot)):
+        n = slot[i]
+        if n < 0:
+            continue
+        if count[n] == 0:
+            first[n] = i
+        count[n] += 1
+        rows = i + 1
+        for w in range(step.shape[1]):
+            steps = max(steps, step[i, w] + 1)
+    return TreeRows(first, count, rows, steps)
+
+
+@jit
+def rows_of(trees, slots):  # type: ignore[no-untyped-def]
+    """The rows of the leaves of these slots, in this order. Args: trees: TreeRows; slots: (N,)."""
+    out, at = np.empty(trees.leaves[slots].sum(), np.int64), 0
+    for n in slots:
+        for i in range(trees.first[n], trees.first[n] + trees.leaves[n]):
+            out[at] = i
+            at += 1
+    return out
+
+
+@jit
+def _join(parent, keys, owner, key, n):  # type: ignore[no-untyped-def]
+    """Join slot n with the slot that has the same key, or write it down, in place. Keys are not negative."""
+    at = np.int64((np.uint64(key) * MIXER) >> np.uint64(20)) & (len(keys) - 1)
+    while keys[at] >= 0 and keys[at] != key:
+        at = (at + 1) & (len(keys) - 1)
+    if keys[at] < 0:
+        keys[at], owner[at] = key, n
+        return
+    if owner[at] == n:
+        return
+    a, b = root(parent, owner[at]), root(parent, n)
+    parent[max(a, b)] = min(a, b)
+
+
+@jit
+def bearing_on(leaves, trees, of, name, looked):  # type: ignore[no-untyped-def]
+    """Whether each slot has a tree that was looked at, or one that shares a plot or an MMSI with such a tree, also by others. (S,)
+
+    Args: leaves: LeafColumns; trees: their TreeRows; of, name: (A,) slots that may take these MMSI now; looked: (S,).
+    """
+    window, places = leaves.plot.shape[1], LEAST_PLACES
+    while places < (window + 1) * trees.leaves.sum() + len(
+        name
+    ):  # leaves of a tree have plots in common: less than half is filled
+        places *= 2
+    parent, keys, owner = np.arange(len(looked)), np.full(places, -1), np.empty(places, np.int64)
+    for i in range(trees.rows):
+        n = leaves.slot[i]
+        if n < 0:
+            continue
+        for w in range(window):
+            if leaves.plot[i, w] >= 0:
+                _join(parent, keys, owner, 2 * leaves.plot[i, w], n)
+        if leaves.mmsi[i] >= 0:
+            _join(parent, keys, owner, 2 * leaves.mmsi[i] + 1, n)
+    for a in range(len(name)):
+        if name[a] >= 0:
+            _join(parent, keys, owner, 2 * name[a] + 1, of[a])
+    reached, out = np.zeros(len(looked), np.bool_), np.zeros(len(looked), np.bool_)
+    for n in range(len(looked)):
+        if looked[n]:
+            reached[root(parent, n)] = True
+    for n in range(len(looked)):
+        out[n] = trees.leaves[n] > 0 and reached[root(parent, n)]
+    return out
