@@ -142,8 +142,11 @@ def test_a_tracker_reports_the_size_of_a_ship_in_pieces_as_one_track_and_resumes
     assert found.tracks.echo_axis_deg[0] == pytest.approx(90.0, abs=0.5)
 
 
-def followed(method, speed):
-    """The tracks of each of 24 turns of a ship in two halves, and where its middle is; AIS is at its aft half for ten turns."""
+def followed(method, speed, end=0, silent_from=24):
+    """The tracks of each of 24 turns of a ship in two halves, and where its middle is; AIS is at one of them for ten turns.
+
+    Args: end: 0: its aft half, 1: the other; silent_from: the turn without AIS from which on it is silent.
+    """
     tracker, sensors = TableTracker(method=method), two_radars()
     sensors = replace(sensors, radars=replace(sensors.radars, beam_rad=np.full(2, np.radians(1.0))))
     memory, period_s, out = tracker.init(), float(sensors.radars.period_s[0]), []
@@ -152,8 +155,9 @@ def followed(method, speed):
         middle = np.array([[1500.0 + speed * turn * period_s, 1500.0]])
         ends = middle + np.array([[-75.0, 0.0], [75.0, 0.0]])
         given = plots([now_s, now_s + 1e-3], ends, [moments(150.0, 42.0, 90.0)] * 2, [5.0, 5.0])
-        ais_m = ends[:1] if turn < 10 else middle
+        ais_m = ends[end : end + 1] if turn < 10 else middle
         heard = Messages(np.full(1, now_s + 0.05), ais_m, 25.0 * np.eye(2)[None], np.full(1, 1000), np.zeros(1, np.int64))
+        heard = heard.take(slice(0, 1 if turn < silent_from else 0))
         of_cycle = RegionInput.of_plots(given, now_s + 0.1, sensors)._replace(messages=heard)
         memory, found = tracker.step(memory, of_cycle)
         out.append((found.tracks, from_plane(middle, sensors.region_origin_deg[0])))
@@ -171,6 +175,16 @@ def test_a_ship_under_way_that_began_as_two_tracks_is_one_in_its_middle_and_ship
     assert max(errors) < 20.0
     assert whole.held_mmsi.tolist() == [1000 if method == "guided_vimmjipda" else -1]
     assert len(followed(method, 0.0)[-1][0]) == 2
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_a_ship_that_began_as_two_tracks_keeps_the_mmsi_of_either(end):
+    """Its AIS is heard at one end until the two are one, and not again."""
+    out = followed("guided_vimmjipda", 5.0, end)
+    begins = next(k for k, (tracks, _) in enumerate(out) if len(tracks) == 2)
+    joined = next(k for k in range(begins, 24) if len(out[k][0]) == 1)
+    after = followed("guided_vimmjipda", 5.0, end, joined + 1)[joined + 1][0]
+    assert after.held_mmsi.tolist() == [1000]
 
 
 def test_pieces_longer_together_than_the_longest_ship_stay_apart_and_no_size_is_given_of_longer_echoes():

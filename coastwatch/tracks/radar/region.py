@@ -38,6 +38,7 @@ from coastwatch.tracks.radar.extent import (
     ends_of_one,
     joined,
 )
+from coastwatch.tracks.radar.life.existence import KNOWN
 from coastwatch.tracks.radar.messages import Guiding, NoMessages, Sequential, WithMessages, begin_unnamed, in_order
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.plot_batches import cut, is_usable
@@ -227,14 +228,22 @@ def _whole_hulls(parts: Parts, memory: RadarMemory, plots: Plots, time_s: float)
 
 
 def _with_whole_ships(parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
-    """The memory with one track for two that are the ends of one ship: the older, moved to the middle of both. In place."""
+    """The memory with one track for two that are the ends of one ship: the older, moved to the middle of both. In place.
+
+    It takes the MMSI of the younger where it has none. Two of different MMSI are two ships.
+    """
     table = memory.table
     if np.count_nonzero(table.extent_plots[table.live]) < 2 or len(memory.forest.leaves.slot):
         return memory
     rows, hulls = _hulls(parts, memory, time_s, MOST_WEIGHT)
     one, other = ends_of_one(hulls, time_s)
+    own, younger = (table.probable_ids(rows[of], KNOWN) for of in (one, other))
+    alike = (own < 0) | (younger < 0) | (own == younger)
+    one, other, named = one[alike], other[alike], ((own < 0) & (younger >= 0))[alike]
     if not len(one):
         return memory
+    to, of = rows[one[named]], rows[other[named]]
+    table.ids[to], table.id_probability[to], table.message_s[to] = table.ids[of], table.id_probability[of], table.message_s[of]
     shift_m, extent = as_one_ship(hulls, one, other, time_s)
     table.combined_mean[rows[one], :2] += shift_m
     table.state[rows[one], :, :2] += shift_m[:, None, :]
