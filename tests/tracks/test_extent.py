@@ -142,10 +142,10 @@ def test_a_tracker_reports_the_size_of_a_ship_in_pieces_as_one_track_and_resumes
     assert found.tracks.echo_axis_deg[0] == pytest.approx(90.0, abs=0.5)
 
 
-def followed(method, speed, end=0, silent_from=24):
+def followed(method, speed, end=0, silent_from=24, other_mmsi=None):
     """The tracks of each of 24 turns of a ship in two halves, and where its middle is; AIS is at one of them for ten turns.
 
-    Args: end: 0: its aft half, 1: the other; silent_from: the turn without AIS from which on it is silent.
+    Args: end: 0: its aft half, 1: the other; silent_from: the turn from which on it sends no AIS; other_mmsi: that of the other half.
     """
     tracker, sensors = TableTracker(method=method), two_radars()
     sensors = replace(sensors, radars=replace(sensors.radars, beam_rad=np.full(2, np.radians(1.0))))
@@ -158,6 +158,9 @@ def followed(method, speed, end=0, silent_from=24):
         ais_m = ends[end : end + 1] if turn < 10 else middle
         heard = Messages(np.full(1, now_s + 0.05), ais_m, 25.0 * np.eye(2)[None], np.full(1, 1000), np.zeros(1, np.int64))
         heard = heard.take(slice(0, 1 if turn < silent_from else 0))
+        if other_mmsi is not None:
+            heard = Messages.join([heard, replace(heard, mmsi=np.full(1, other_mmsi))])
+            heard = replace(heard, position_m=ends)
         of_cycle = RegionInput.of_plots(given, now_s + 0.1, sensors)._replace(messages=heard)
         memory, found = tracker.step(memory, of_cycle)
         out.append((found.tracks, from_plane(middle, sensors.region_origin_deg[0])))
@@ -185,6 +188,12 @@ def test_a_ship_that_began_as_two_tracks_keeps_the_mmsi_of_either(end):
     joined = next(k for k in range(begins, 24) if len(out[k][0]) == 1)
     after = followed("guided_vimmjipda", 5.0, end, joined + 1)[joined + 1][0]
     assert after.held_mmsi.tolist() == [1000]
+
+
+def test_two_ships_in_line_that_send_are_two_whatever_their_echoes():
+    """A tug is close ahead of its tow, at one speed: both send."""
+    assert [len(tracks) for tracks, _ in followed("guided_vimmjipda", 5.0, other_mmsi=2000)[8:]] == [2] * 16
+    assert len(followed("guided_vimmjipda", 5.0)[-1][0]) == 1
 
 
 def test_pieces_longer_together_than_the_longest_ship_stay_apart_and_no_size_is_given_of_longer_echoes():

@@ -243,7 +243,8 @@ def _with_whole_ships(parts: Parts, memory: RadarMemory, time_s: float) -> Radar
     if not len(one):
         return memory
     to, of = rows[one[named]], rows[other[named]]
-    table.ids[to], table.id_probability[to], table.message_s[to] = table.ids[of], table.id_probability[of], table.message_s[of]
+    table.ids[to], table.id_probability[to] = table.ids[of], table.id_probability[of]
+    table.message_s[to] = np.maximum(table.message_s[to], table.message_s[of])
     shift_m, extent = as_one_ship(hulls, one, other, time_s)
     table.combined_mean[rows[one], :2] += shift_m
     table.state[rows[one], :, :2] += shift_m[:, None, :]
