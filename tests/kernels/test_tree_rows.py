@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coastwatch.kernels.tracks.hypothesis_trees import drop_similar
-from coastwatch.kernels.tracks.tree_rows import bearing_on, rows_of, tree_rows
+from coastwatch.kernels.tracks.tree_rows import linked_trees, rows_of, tree_rows
 from coastwatch.tracks.radar.leaves import Leaves
 
 SLOTS = 40
@@ -46,13 +46,13 @@ def sharing(leaves: Leaves, heard: list[tuple[int, int]], looked: set[int]) -> s
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_trees_that_bear_on_those_looked_at_are_found(seed):
+def test_trees_linked_to_those_looked_at_are_found(seed):
     leaves, rng = random_leaves(seed), np.random.default_rng(100 + seed)
     looked = np.zeros(SLOTS, np.bool_)
     looked[rng.permutation(SLOTS)[:3]] = True
     of, name = rng.integers(0, SLOTS, 2), rng.integers(0, 12, 2)
     trees = tree_rows(leaves.slot, leaves.step, SLOTS)
-    found = set(np.flatnonzero(bearing_on(leaves.columns, trees, of, name, looked)).tolist())
+    found = set(np.flatnonzero(linked_trees(leaves.columns, trees, of, name, looked)).tolist())
     heard = list(zip(of.tolist(), name.tolist(), strict=True))
     assert found == sharing(leaves, heard, set(np.flatnonzero(looked).tolist()))
 
@@ -85,7 +85,8 @@ def test_a_leaf_without_a_plot_goes_where_a_cheaper_one_says_the_same(cost, off_
     leaves.combined_covariance[:] = np.diag([100.0, 100.0, 1.0, 1.0])
     leaves.combined_mean[1, 0] = off_m
     keep = np.ones(4, np.bool_)
-    drop_similar(np.array([0, 2, 4]), leaves.columns, np.arange(4), np.full(2, 30.0), np.ones(2, np.bool_), keep)
+    start, null = np.array([0, 2, 4]), np.full(2, 30.0)
+    drop_similar(start, leaves.columns, np.arange(4), leaves.plot, 9, null, np.ones(2, np.bool_), keep)
     assert keep.tolist() == [True, stays, True, True]
 
 
@@ -93,5 +94,6 @@ def test_leaves_of_a_tentative_tree_all_stay():
     leaves, keep = leaves_of(np.array([0, 0]), np.array([[5, 7], [5, -1]]), np.full(2, -1)), np.ones(2, np.bool_)
     leaves.cost[1] = 3.0
     leaves.combined_covariance[:] = np.eye(4)
-    drop_similar(np.array([0, 2]), leaves.columns, np.arange(2), np.full(1, 30.0), np.zeros(1, np.bool_), keep)
+    start, null = np.array([0, 2]), np.full(1, 30.0)
+    drop_similar(start, leaves.columns, np.arange(2), leaves.plot, 9, null, np.zeros(1, np.bool_), keep)
     assert keep.all()

@@ -78,7 +78,7 @@ def test_the_choice_of_trees_that_share_nothing_with_a_look_stands(monkeypatch):
     monkeypatch.setattr(hypothesis_trees, "drop_similar", lambda *_: None)
     tracker, plots = TableTracker(method="multi_hypothesis"), plots_of(world(40, 5), two_radars(), 40.0, 5, detection=0.8)
     memory, out = run(tracker, plots, 8)
-    monkeypatch.setattr(tree_rows, "bearing_on", lambda leaves, trees, *_: trees.leaves > 0)
+    monkeypatch.setattr(tree_rows, "linked_trees", lambda leaves, trees, *_: trees.leaves > 0)
     every, whole = run(tracker, plots, 8)
     assert len(memory.forest.leaves) > len(memory.table.live)
     assert np.array_equal(memory.forest.leaves.plot, every.forest.leaves.plot)

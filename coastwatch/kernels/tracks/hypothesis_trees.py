@@ -24,10 +24,9 @@ TWO_PI = 2.0 * math.pi
 FAINT = 1e-250  # of a likelihood
 ROUNDING = 1e-6  # of costs that are summed in another order
 LEAST_MISS_COST = 6.0  # cost of a miss above that of its only plot, from which it may be left out
-NEAR = 4.0  # squared distance
+SIMILAR = 4.0  # squared Mahalanobis distance of similar positions, and of similar velocities: two standard deviations
 LEAST_DIFFERENCE = 1.0  # of costs of leaves, one of which is left out as similar
-HIGHEST = 2**62  # above the number of any plot
-WAVERS = 3.0  # what a tree would pay for a plot may rise so much by later looks
+LATER_GAIN = 3.0  # by which the gain of a tree from a plot may rise in later looks
 LEAST = 1e-12  # of the probability that a vessel gives a plot
 
 
@@ -326,31 +325,20 @@ def cheapest(start, cost, most, gap):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _numbers(plot):  # type: ignore[no-untyped-def]
-    """The least number of a plot in these windows, and how many numbers there are from it to the largest. Args: plot: (L, W)."""
-    least, most = HIGHEST, -1
-    for m in plot.ravel():
-        if m >= 0:
-            least, most = min(least, m), max(most, m)
-    return least, max(most - least + 1, 0)
+def _gains(start, cost, plot, plots, null):  # type: ignore[no-untyped-def]
+    """What trees gain by each plot: by how much the cost of a tree rises if it may not have it.
 
-
-@jit
-def _wanted(start, cost, plot, null):  # type: ignore[no-untyped-def]
-    """How much the tree that gains most, and the next, would pay for each plot: the rise of its cost if it may not have it.
-
-    Returns: number of the first plot, the gaining tree of each plot (-1: none), its gain, and that of the next (-inf: none).
-    Args: start: (T + 1,); cost: (L,); plot: (L, W) numbers, -1: none; null: (T,) cost of "no vessel".
+    Returns: the tree that gains most, -1: none has the plot; its gain; the largest gain of another tree, -inf: none. (P,) each.
+    Args: start: (T + 1,); cost: (L,); plot: (L, W) numbers below plots, -1: none; plots: P; null: (T,) cost of "no vessel".
     """
-    least, count = _numbers(plot)
-    tree, gain, next_gain = np.full(count, -1), np.full(count, -np.inf), np.full(count, -np.inf)
-    done = np.full(count, -1)
+    tree, gain, next_gain = np.full(plots, -1), np.full(plots, -np.inf), np.full(plots, -np.inf)
+    done = np.full(plots, -1)
     for t in range(len(start) - 1):
         for i in range(start[t], start[t + 1]):
             for m in plot[i]:
-                if m < 0 or done[m - least] == t:
+                if m < 0 or done[m] == t:
                     continue
-                done[m - least] = t
+                done[m] = t
                 having, without = cost[i], null[t]
                 for j in range(start[t], start[t + 1]):
                     has = False
@@ -360,36 +348,36 @@ def _wanted(start, cost, plot, null):  # type: ignore[no-untyped-def]
                         having = min(having, cost[j])
                     else:
                         without = min(without, cost[j])
-                saved, k = without - having, m - least
-                if saved > gain[k]:
-                    tree[k], gain[k], next_gain[k] = t, saved, gain[k]
+                saved = without - having
+                if saved > gain[m]:
+                    tree[m], gain[m], next_gain[m] = t, saved, gain[m]
                 else:
-                    next_gain[k] = max(next_gain[k], saved)
-    return least, tree, gain, next_gain
+                    next_gain[m] = max(next_gain[m], saved)
+    return tree, gain, next_gain
 
 
 @jit
-def _close(mean, other, spread):  # type: ignore[no-untyped-def]
-    """Whether two positions, and two velocities, are within one standard deviation. Args: (4,), (4,), spread: (4, 4)."""
+def _are_similar(mean, other, spread):  # type: ignore[no-untyped-def]
+    """Whether two positions, and two velocities, are within two standard deviations. Args: (4,), (4,), spread: (4, 4)."""
     for a in (0, 2):
         one, two = mean[a] - other[a], mean[a + 1] - other[a + 1]
         ee, en, nn = spread[a, a], spread[a + 1, a], spread[a + 1, a + 1]
-        if nn * one * one - 2.0 * en * one * two + ee * two * two >= NEAR * (ee * nn - en * en):
+        if nn * one * one - 2.0 * en * one * two + ee * two * two >= SIMILAR * (ee * nn - en * en):
             return False
     return True
 
 
 @jit
-def drop_similar(start, leaves, rows, null, confirmed, keep):  # type: ignore[no-untyped-def]
-    """Leave out leaves of confirmed trees that say what a cheaper one of their tree says, without some of its plots. Writes `keep`.
+def drop_similar(start, leaves, rows, plot, plots, null, confirmed, keep):  # type: ignore[no-untyped-def]
+    """Drop leaves of confirmed trees beside a cheaper leaf of the tree that has their plots and more. Writes `keep`.
 
-    Both must be alike in position and velocity, and other trees must want these plots less than what the dearer leaf costs more: then
-    nothing is decided by it (similar hypotheses: Liland, section 4.3, for trees that are alone).
-    Args: start: (T + 1,); leaves: LeafColumns; rows: (L,) of these leaves; null: (T,) cost of "no vessel"; confirmed: (T,);
-    keep: (L,) leaves that stay.
+    Both must be alike in position and velocity, and the dearer one must cost more than what other trees gain by those more plots.
+    Then no choice needs it (similar hypotheses: Liland, section 4.3, there of trees that are alone).
+    Args: start: (T + 1,); leaves: LeafColumns; rows: (L,) of these leaves; plot: (L, W) numbers below plots, -1: none; null: (T,)
+    cost of "no vessel"; confirmed: (T,); keep: (L,) leaves that stay.
     """
-    cost, plot, mmsi = leaves.cost[rows], leaves.plot[rows], leaves.mmsi[rows]
-    least, tree, gain, next_gain = _wanted(start, cost, plot, null)
+    cost, mmsi = leaves.cost[rows], leaves.mmsi[rows]
+    tree, gain, next_gain = _gains(start, cost, plot, plots, null)
     for t in range(len(start) - 1):
         if not confirmed[t]:
             continue
@@ -407,9 +395,9 @@ def drop_similar(start, leaves, rows, null, confirmed, keep):  # type: ignore[no
                     if plot[i, w] >= 0 or m < 0:
                         dearer = -1.0
                         break
-                    others = next_gain[m - least] if tree[m - least] == t else gain[m - least]
-                    dearer -= max(others + WAVERS, 0.0)
-                if dearer >= 0.0 and _close(leaves.mean[rows[i]], leaves.mean[rows[j]], leaves.spread[rows[i]]):
+                    others = next_gain[m] if tree[m] == t else gain[m]
+                    dearer -= max(others + LATER_GAIN, 0.0)
+                if dearer >= 0.0 and _are_similar(leaves.mean[rows[i]], leaves.mean[rows[j]], leaves.spread[rows[i]]):
                     keep[i] = False
 
 

@@ -1,4 +1,4 @@
-"""Where the leaves of multi-hypothesis trees stand among rows with gaps, and which trees bear on each other. Compiled by numba."""
+"""Where the leaves of multi-hypothesis trees stand among rows with gaps, and which trees share plots or MMSI. Compiled by numba."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from coastwatch.kernels.arrays import Ints
 from coastwatch.kernels.association.connected_components import root
 from coastwatch.kernels.jit import jit
 
-LEAST_PLACES = 1024  # of a table of keys
-MIXER = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio: keys in a row go to places far apart
+LEAST_PLACES = 1024  # of a hash table
+HASH_FACTOR = np.uint64(
+    0x9E3779B97F4A7C15
+)  # 2^64 over the golden ratio: D. Knuth, The Art of Computer Programming 3, section 6.4
 
 
 class TreeRows(NamedTuple):
@@ -53,8 +55,11 @@ def rows_of(trees, slots):  # type: ignore[no-untyped-def]
 
 @jit
 def _join(parent, keys, owner, key, n):  # type: ignore[no-untyped-def]
-    """Join slot n with the slot that has the same key, or write it down, in place. Keys are not negative."""
-    at = np.int64((np.uint64(key) * MIXER) >> np.uint64(20)) & (len(keys) - 1)
+    """Join the component of slot n with that of the slot that has this key, or enter the key, in place.
+
+    Args: parent: (S,) of `root`; keys, owner: (2^k,) hash table of keys that are not negative, -1: free, with room for this one.
+    """
+    at = np.int64((np.uint64(key) * HASH_FACTOR) >> np.uint64(20)) & (len(keys) - 1)
     while keys[at] >= 0 and keys[at] != key:
         at = (at + 1) & (len(keys) - 1)
     if keys[at] < 0:
@@ -67,15 +72,14 @@ def _join(parent, keys, owner, key, n):  # type: ignore[no-untyped-def]
 
 
 @jit
-def bearing_on(leaves, trees, of, name, looked):  # type: ignore[no-untyped-def]
-    """Whether each slot has a tree that was looked at, or one that shares a plot or an MMSI with such a tree, also by others. (S,)
+def linked_trees(leaves, trees, of, name, looked):  # type: ignore[no-untyped-def]
+    """Which slots have a tree that was looked at, or one that shares a plot or an MMSI with such a tree, also by way of others. (S,)
 
     Args: leaves: LeafColumns; trees: their TreeRows; of, name: (A,) slots that may take these MMSI now; looked: (S,).
     """
     window, places = leaves.plot.shape[1], LEAST_PLACES
-    while places < (window + 1) * trees.leaves.sum() + len(
-        name
-    ):  # leaves of a tree have plots in common: less than half is filled
+    most = (window + 1) * trees.leaves.sum() + len(name)  # distinct plots and MMSI
+    while places <= most:
         places *= 2
     parent, keys, owner = np.arange(len(looked)), np.full(places, -1), np.empty(places, np.int64)
     for i in range(trees.rows):

@@ -48,7 +48,8 @@ def choose_and_prune(rules: Pruning, forest: Forest, leaves: Leaves, looked: Boo
     start = starts(of_slot)
     slot = of_slot[start[:-1]]
     null, seen, of = forest.null_cost[slot], looked[slot], np.repeat(np.arange(len(slot)), np.diff(start))
-    chosen, displaced = _chosen(rules, cost, plot, leaves.mmsi[kept], start, null)
+    number, plots = _numbered(plot)
+    chosen, displaced = _chosen(rules, cost, (number, plots), leaves.mmsi[kept], start, null)
     forest.nulled[slot[seen]] = np.where(displaced, forest.nulled[slot] + 1, 0)[seen]
     final = plot[chosen, 0]
     keep = (plot[:, 0] == final[of]) | ~seen[of]
@@ -56,7 +57,7 @@ def choose_and_prune(rules: Pruning, forest: Forest, leaves: Leaves, looked: Boo
     if len(decided):
         keep &= ~np.isin(plot[:, 1:], decided).any(axis=1)
     if (confirmed := status[slot] == Status.CONFIRMED).any():
-        trees.drop_similar(start, leaves.columns, kept, null, confirmed, keep)
+        trees.drop_similar(start, leaves.columns, kept, number, plots, null, confirmed, keep)
     rows, start = trees.pruned(start, keep, chosen)
     forest.null_cost[slot] = null = np.clip(null - cost[chosen], -WIDEST, WIDEST)
     leaves = leaves.take(kept[rows])
@@ -77,16 +78,23 @@ def starts(slot: Ints) -> Ints:
     return np.append(np.flatnonzero(np.diff(slot, prepend=-1)), len(slot))
 
 
-def _chosen(rules: Pruning, cost: Floats, plot: Ints, mmsi: Ints, start: Ints, null: Floats) -> tuple[Ints, Bools]:
+def _numbered(plot: Ints) -> tuple[Ints, int]:
+    """Plots by numbers from 0 on, in their order, and how many there are: a window may reach far back. Args: (L, W), -1: none."""
+    held = plot >= 0
+    numbers, number = np.unique(plot[held], return_inverse=True)
+    out = np.full(plot.shape, -1)
+    out[held] = number
+    return out, len(numbers)
+
+
+def _chosen(rules: Pruning, cost: Floats, plots: tuple[Ints, int], mmsi: Ints, start: Ints, null: Floats) -> tuple[Ints, Bools]:
     """The leaf of each tree in the global hypothesis (T,), and which trees lost it although their cheapest leaf is better than no vessel.
 
     A tree without a leaf there has its cheapest one whose newest plot no other tree has.
 
-    Args: cost: (L,), plot: (L, W), mmsi: (L,), all of the leaves.
+    Args: cost: (L,), mmsi: (L,), all of the leaves; plots: as of `_numbered`.
     """
-    held = plot >= 0
-    resource = np.where(held, plot - plot.min(initial=np.iinfo(np.int64).max, where=held), -1)
-    count = int(resource.max(initial=-1)) + 1
+    resource, count = plots
     choose = kernels.association.global_hypothesis.choose
     named = mmsi >= 0
     if named.any():  # two vessels do not have one MMSI

@@ -32,7 +32,7 @@ from coastwatch.tracks.radar.messages.weighing import (
 from coastwatch.tracks.radar.motion import Filters
 from coastwatch.tracks.radar.multi_hypothesis.choice import Pruning, choose_and_prune
 from coastwatch.tracks.radar.multi_hypothesis.decided import decide
-from coastwatch.tracks.radar.multi_hypothesis.trees import OWNED, forest_of, shares, with_others, with_roots, write_chosen
+from coastwatch.tracks.radar.multi_hypothesis.trees import OWNED, forest_of, shares, with_linked, with_roots, write_chosen
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.table import RadarMemory, Table
 
@@ -82,7 +82,7 @@ def _take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: Radar
     refuses = (leaves.mmsi[rows] >= 0) & np.isin(leaves.slot[rows] * MMSI_DIGITS + leaves.mmsi[rows], of_tree)
     leaves.cost[rows[refuses]] += wrong
     grown = Leaves.join([leaves.take(rows), children])
-    grown = with_others(forest, trees, grown.take(np.argsort(grown.slot, kind="stable")), looked, of_looked)
+    grown = with_linked(forest, trees, grown.take(np.argsort(grown.slot, kind="stable")), looked, of_looked)
     pruned = choose_and_prune(pruning, forest, grown, looked, table.status)
     forest = replace(forest.replaced(trees, pruned.slot, pruned.leaves, steps), next_plot=first + len(messages))
     taken = write_chosen(parts, table, pruned, looked, first, batch)

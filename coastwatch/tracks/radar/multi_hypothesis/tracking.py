@@ -28,7 +28,7 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     forest_of,
     keep_heard,
     shares,
-    with_others,
+    with_linked,
     with_roots,
     write_chosen,
 )
@@ -71,7 +71,7 @@ class MultiHypothesis(Settings):
         look = Look(radar, period_s, detection, unseen_s, before_s, nobody, lone, forest.next_plot, trees.steps)
         grown, steps = _grown(parts, forest, trees, batch, look, (table.status, self.leaves, self.score_gap))
         looked = np.isfinite(look.time)
-        grown = with_others(forest, trees, grown, looked)
+        grown = with_linked(forest, trees, grown, looked)
         pruned = choose_and_prune(self._pruning, forest, grown, looked, table.status)
         forest = forest.replaced(trees, pruned.slot, pruned.leaves, steps)
         forest = replace(forest, next_plot=forest.next_plot + len(batch.time))

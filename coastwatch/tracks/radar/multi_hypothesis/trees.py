@@ -68,7 +68,7 @@ def with_roots(forest: Forest, table: Table, slots: Ints, plots: Ints) -> Forest
     return forest
 
 
-def with_others(
+def with_linked(
     forest: Forest, trees: TreeRows, grown: Leaves, looked: Bools, heard: tuple[Ints, Ints] | None = None
 ) -> Leaves:
     """These leaves of trees that were looked at, and those of trees that share a plot or an MMSI with them, in order of slots.
@@ -76,8 +76,8 @@ def with_others(
     The choice of all other trees stands. Args: heard: slots that may take a message, and its MMSI.
     """
     none = np.zeros(0, np.int64)
-    bearing_on, columns = kernels.tracks.tree_rows.bearing_on, forest.leaves.columns
-    others = np.flatnonzero(bearing_on(columns, trees, *(heard or (none, none)), looked) & ~looked)
+    linked_trees, columns = kernels.tracks.tree_rows.linked_trees, forest.leaves.columns
+    others = np.flatnonzero(linked_trees(columns, trees, *(heard or (none, none)), looked) & ~looked)
     if not len(others):
         return grown
     rows = kernels.tracks.tree_rows.rows_of(trees, others)
