@@ -297,6 +297,10 @@ def test_every_key_works_without_a_mouse(world: World, watch: Watch) -> None:
     assert ask("document.getElementById('help').open")
     press("Escape")
     assert not ask("document.getElementById('help').open")
+    key_to_closed_help = "new KeyboardEvent('keydown', {key: 'm', bubbles: true})"  # as the browser sends it before its next drawing
+    ask(f"{{ document.getElementById('close-help').dispatchEvent({key_to_closed_help}); }}")
+    assert ask("coastwatch.measure !== null")
+    press("m")
     ask("{ const r = coastwatch.replay, play = r.play.bind(r); r.play = on => { play(on); coastwatch.began = r.playing; }; }")
     press("Space")  # the short past may be over before a busy machine asks
     assert watch.until("coastwatch.began")

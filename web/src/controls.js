@@ -129,7 +129,8 @@ export function listenToKeys(app) {
   const pan = { ArrowLeft: [-120, 0], ArrowRight: [120, 0], ArrowUp: [0, -120], ArrowDown: [0, 120] };
   document.addEventListener('keydown', (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
-    const { target } = event;
+    // Until the next drawing, keys still go to the button of a dialog that has just been closed.
+    const target = event.target.closest('dialog:not([open])') ? document.body : event.target;
     if (target.closest('input:not([type=checkbox]), select, textarea, dialog')) return;
     if ([' ', 'Enter'].includes(event.key) && target.closest('button, summary, input, a')) return;
     const digit = /^Digit([1-9])$/.exec(event.code); // with Shift its character depends on the keyboard
