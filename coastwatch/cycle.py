@@ -32,6 +32,7 @@ from coastwatch.batches import (
 )
 from coastwatch.centre import CentreMemory, Cycle, Received, Timer, run_centre, start_centre
 from coastwatch.cover import CoverInput, RadarCoverageMemory, SilenceInput, SilenceMemory
+from coastwatch.plots import HeadingMemory, true_azimuths
 from coastwatch.regional import RegionMemory, reports_of_regions, start_region, step_of_regions
 from coastwatch.registration import RegistrationInput, RegistrationMemory
 from coastwatch.scenario import Scenario
@@ -44,8 +45,9 @@ LEFT_OUT = {
     "alarms": "pairs of vessels not watched for close approach: of each vessel of a crowd the nearest and most urgent are",
     "octants": "pairs of a bearing and a vessel not compared: each bearing track is compared with the nearest in direction",
     "bearing_tracks": "bearings not used: more than a cycle takes of one sensor or contact",
+    "azimuths": "plots and spokes of a ship not used: no heading of it within 5 s",
 }
-"""What `left_out` counts, by stage: at most so many pairs, or bearings."""
+"""What `left_out` counts, by stage: at most so many pairs, bearings, plots or spokes."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,7 @@ class Memory:
     beyond: dict[str, int] = field(default_factory=dict)  # reports, tracks and vessels that were dropped as none, by kind
     left_out: dict[str, int] = field(default_factory=dict)  # as of Cycle, of all cycles
     unknown_radar: int = 0  # reports of a radar that the scenario does not have
+    headings: HeadingMemory = field(default_factory=HeadingMemory)  # of ships with radars that count azimuths from the bow
 
 
 def start_run(scenario: Scenario, sensors: Sensors) -> Memory:
@@ -136,6 +139,7 @@ def run_cycle(
     """
     s, m = scenario, memory
     reports, beyond = limits.reports_within(reports)
+    headings, reports = true_azimuths(m.headings, reports, sensors.radars)
     with timer("ais_tracks"):
         antennas, of_hulls = s.ais_positions.step(m.ais_positions, (reports.ais, reports.statics, time_s))
         heard = AisInput(of_hulls, time_s, sensors)
@@ -176,7 +180,8 @@ def run_cycle(
     with timer("bearing_tracks"):
         expected = expected_vessels(*bearing_memory.unnumbered(), cycle.picture, cycle.bearing_associations, sensors)
     beyond = _summed(m.beyond, beyond, unsound, {"vessel of the picture": cycle.unsound})
-    left_out = _summed(cycle.left_out, {"bearing_tracks": bearing_memory.left_out - m.bearing_tracks.left_out})
+    of_bearings, of_azimuths = bearing_memory.left_out - m.bearing_tracks.left_out, headings.left_out - m.headings.left_out
+    left_out = _summed(cycle.left_out, {"bearing_tracks": of_bearings, "azimuths": of_azimuths})
     with timer("registration"):
         seen = RegistrationInput(
             plots,
@@ -233,6 +238,7 @@ def run_cycle(
         beyond=beyond,
         left_out=_summed(m.left_out, left_out),
         unknown_radar=m.unknown_radar + unknown,
+        headings=headings,
     )
     return after, cycle
 

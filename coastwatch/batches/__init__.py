@@ -23,6 +23,7 @@ from coastwatch.batches.reports import (
     BearingReports,
     Fault,
     FileContent,
+    HeadingReports,
     Noise,
     RadarReports,
     Recording,
@@ -34,6 +35,7 @@ from coastwatch.batches.reports import (
 )
 from coastwatch.batches.sensors import (
     ID_STRIDE,
+    AzimuthReference,
     Radars,
     Rings,
     Sensors,
@@ -93,6 +95,7 @@ __all__ = [
     "AlarmKind",
     "Array",
     "Associations",
+    "AzimuthReference",
     "Batch",
     "BearingAssociations",
     "BearingMembers",
@@ -110,6 +113,7 @@ __all__ = [
     "Flag",
     "Floats",
     "FusedTracks",
+    "HeadingReports",
     "Hearing",
     "HeldVessels",
     "Ints",

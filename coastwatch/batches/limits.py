@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from coastwatch.batches.reports import AisReports, BearingReports, RadarReports, Reports, TrackReports
+from coastwatch.batches.reports import AisReports, BearingReports, HeadingReports, RadarReports, Reports, TrackReports
 from coastwatch.batches.struct import Batch
 from coastwatch.batches.video import RadarVideo, Videos
 from coastwatch.kernels.arrays import Bools, Floats
@@ -75,6 +75,11 @@ def track_faults(tracks: TrackReports) -> Masks:
     }
 
 
+def heading_faults(headings: HeadingReports) -> Masks:
+    """Which headings are none, by kind. (M,) each."""
+    return {"time": _no_time(headings.time_s, headings.received_s), "heading": ~(np.abs(headings.heading_deg) <= 360.0)}
+
+
 def video_faults(video: RadarVideo) -> Masks:
     """Which spokes are none, by kind. (S,) each."""
     far_m = video.first_m + video.cell_m * video.level.shape[1]
@@ -87,12 +92,18 @@ def video_faults(video: RadarVideo) -> Masks:
 
 
 FAULTS: Mapping[str, Callable[[Any], Masks]] = MappingProxyType(
-    {"radar": radar_faults, "bearing": bearing_faults, "ais": ais_faults, "tracks": track_faults}
+    {"radar": radar_faults, "bearing": bearing_faults, "ais": ais_faults, "tracks": track_faults, "headings": heading_faults}
 )
 """By field of Reports."""
 
 KINDS: Mapping[type, Callable[[Any], Masks]] = MappingProxyType(
-    {RadarReports: radar_faults, BearingReports: bearing_faults, AisReports: ais_faults, TrackReports: track_faults}
+    {
+        RadarReports: radar_faults,
+        BearingReports: bearing_faults,
+        AisReports: ais_faults,
+        TrackReports: track_faults,
+        HeadingReports: heading_faults,
+    }
 )
 
 

@@ -22,7 +22,7 @@ class RadarReports(Batch):
     time_s: Floats = column(np.float64, "M")  # of the beam, as the radar stamps it
     received_s: Floats = column(np.float64, "M")
     range_m: Floats = column(np.float64, "M")
-    azimuth_deg: Floats = column(np.float64, "M")  # true, 0..360
+    azimuth_deg: Floats = column(np.float64, "M")  # 0..360; true, but before `plots.azimuths` as the radar counts it
     site_deg: Floats = column(np.float64, "M", 2)  # where the antenna was
     origin: Ints = column(np.int64, "M")
     range_sigma_m: Floats = optional_column("M")  # standard deviation of this plot; NaN: that of the radar
@@ -104,6 +104,16 @@ class TrackReports(Batch):
 
 
 @dataclass(frozen=True, eq=False)
+class HeadingReports(Batch):
+    """Headings of the ships or platforms that radars stand on, in order of arrival. One for several radars is a row for each."""
+
+    sensor: Ints = column(np.int64, "M")  # index into the scenario's radars
+    time_s: Floats = column(np.float64, "M")
+    received_s: Floats = column(np.float64, "M")
+    heading_deg: Floats = column(np.float64, "M")  # true, of the bow, 0..360
+
+
+@dataclass(frozen=True, eq=False)
 class Reports:
     """All that arrived in one cycle."""
 
@@ -112,6 +122,7 @@ class Reports:
     statics: AisStatics
     bearing: BearingReports
     tracks: TrackReports = field(default_factory=TrackReports.empty)
+    headings: HeadingReports = field(default_factory=HeadingReports.empty)
     video: Videos = Videos()
 
     def between(self, after_s: float, until_s: float) -> Reports:

@@ -17,6 +17,14 @@ ID_STRIDE = 2**40
 """A track id is the number of its source times this, plus a number of its own that is never reused."""
 
 
+class AzimuthReference(IntEnum):
+    """From where a radar counts its azimuths, clockwise."""
+
+    TRUE = 0  # true north
+    MAGNETIC = 1  # magnetic north
+    HEADING = 2  # the bow of its ship
+
+
 @dataclass(frozen=True, eq=False)
 class Radars(Batch):
     """Radars by their specification."""
@@ -32,6 +40,8 @@ class Radars(Batch):
     pulse_m: Floats = optional_column("R")  # length in range
     blind_m: Floats = optional_column("R")  # nothing nearer is looked for in video
     db_per_level: Floats = optional_column("R")  # of video; 0: its levels are linear in amplitude
+    azimuth_reference: Ints = optional_column("R", dtype=np.int64)  # AzimuthReference; -1: true
+    variation_rad: Floats = optional_column("R")  # magnetic north, clockwise from true north; NaN: not stated
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ class RadarVideo(Struct):
     cell_m: float  # length of a cell
     time_s: Floats = column(np.float64, "S")  # of the beam
     received_s: Floats = column(np.float64, "S")
-    azimuth_rad: Floats = column(np.float64, "S")  # true, of the middle of the spoke, 0 to 2 pi
+    azimuth_rad: Floats = column(np.float64, "S")  # of the middle of the spoke, 0 to 2 pi; as of `RadarReports`
     site_deg: Floats = column(np.float64, "S", 2)  # where the antenna was
     level: Array = column(np.uint8, "S", "C")  # see `Radars.db_per_level`
     # Range of each true vessel where the spoke points near it, NaN elsewhere; no vessel where the video is not simulated.

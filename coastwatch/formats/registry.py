@@ -13,9 +13,10 @@ from coastwatch.formats.decoding import Decoder, FeedSettings, OptionError, Repo
 from coastwatch.formats.format import Format
 from coastwatch.formats.json_lines import JSON
 from coastwatch.formats.nmea.ais import AIS
+from coastwatch.formats.nmea.headings import HEADING
 from coastwatch.formats.nmea.targets import TLL, TTM
 
-FORMATS: dict[str, Format] = {one.name: one for one in (AIS, ASTERIX, TTM, JSON, COT, TLL, VIDEO)}
+FORMATS: dict[str, Format] = {one.name: one for one in (AIS, ASTERIX, TTM, JSON, COT, TLL, VIDEO, HEADING)}
 DECODED = tuple(name for name, one in FORMATS.items() if one.decoder is not None)
 PICTURES = tuple(name for name, one in FORMATS.items() if one.pictures is not None)
 

@@ -16,7 +16,7 @@ from coastwatch.batches import Array, Floats, RadarVideo, Videos
 from coastwatch.errors import InputError
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.operators.presentation import utc_text
-from coastwatch.plots import ExtractionInput
+from coastwatch.plots import ExtractionInput, HeadingMemory, true_azimuths
 from coastwatch.scenario import Scenario
 from coastwatch.sensors import SimulatedVideo, VideoFiles
 from coastwatch.sensors.recorded.tables.feed import Tables
@@ -81,8 +81,9 @@ def load(scenario: Scenario, radar: str, at_s: float | None, number: int | None)
 
     recording = scenario.input.load(sensors, scenario.seed, plan)
     until_s = at_s + 1.5 * period_s + LATE_S
-    videos = recording.reports.between(at_s - (LEARNT_TURNS + 1) * period_s, until_s).video
-    ours = Videos(tuple(part for part in videos.parts if part.sensor == row))
+    reports = recording.reports.between(at_s - (LEARNT_TURNS + 1) * period_s, until_s)
+    _, reports = true_azimuths(HeadingMemory(), reports, sensors.radars)
+    ours = Videos(tuple(part for part in reports.video.parts if part.sensor == row))
     video = _turn_at(ours, at_s, period_s)
     if video is None:
         raise InputError(

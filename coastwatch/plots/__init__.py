@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from coastwatch.plots.azimuths import HeadingMemory, true_azimuths, true_video
 from coastwatch.plots.polar import PolarConversion, PolarMemory
 from coastwatch.plots.video import CfarExtraction, ExtractionInput, ExtractionMemory, PlotExtractor, over_background
 
@@ -13,9 +14,12 @@ __all__ = [
     "CfarExtraction",
     "ExtractionInput",
     "ExtractionMemory",
+    "HeadingMemory",
     "PlotConverter",
     "PlotExtractor",
     "PolarConversion",
     "PolarMemory",
     "over_background",
+    "true_azimuths",
+    "true_video",
 ]

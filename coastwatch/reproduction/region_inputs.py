@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch.batches import AisReports, Plots, RadarCorrections, RadarExcess, RadarReports, Recording
-from coastwatch.plots import ExtractionInput, over_background
+from coastwatch.plots import ExtractionInput, HeadingMemory, over_background, true_azimuths
 from coastwatch.scenario import Scenario
 
 
@@ -27,10 +27,11 @@ def cycle_inputs(scenario: Scenario, recording: Recording, first: int = 0, video
     Args: first: number of the cycle; video: it is wanted too.
     """
     sensors, plan, none = scenario.sensors(), scenario.plan(), RadarCorrections.none(len(scenario.radars))
-    converted, extraction = scenario.plots.init(), scenario.extraction.init()
+    converted, extraction, headings = scenario.plots.init(), scenario.extraction.init(), HeadingMemory()
     for cycle in range(first, plan.cycles):
         now_s = plan.instant_s(cycle)
         reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
+        headings, reports = true_azimuths(headings, reports, sensors.radars)
         shown, radar = ExtractionInput(reports.video, sensors), reports.radar
         over: tuple[RadarExcess, ...] = ()
         if len(reports.video):

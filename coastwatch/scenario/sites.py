@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from coastwatch.batches import Array, Floats, Radars, Sensors, Sonars, Stations, TrackSources
+from coastwatch.batches import Array, AzimuthReference, Floats, Radars, Sensors, Sonars, Stations, TrackSources
 from coastwatch.errors import InputError
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.stage import Latitude, Longitude, NotNegative, Positive, Settings
@@ -40,12 +40,23 @@ class Radar(Settings):
     pulse_m: Positive = 45.0  # length of the pulse in range, for video
     blind_m: NotNegative = 250.0  # in video no plot is nearer
     db_per_level: NotNegative = 0.5  # a step of its video; 0: its levels are linear in amplitude
+    azimuth_reference: Literal["true", "magnetic", "heading"] = (
+        "true"  # heading: from the bow of its ship; a feed `heading` gives it
+    )
+    magnetic_variation_deg: Annotated[float, Field(ge=-180.0, le=180.0)] | None = (
+        None  # east positive, where azimuths are magnetic
+    )
 
     @model_validator(mode="after")
     def _has_both_or_none(self) -> Self:
         if (self.latitude_deg is None) != (self.longitude_deg is None):
             raise InputError(
                 f"got latitude_deg {self.latitude_deg} and longitude_deg {self.longitude_deg}, needed both or none"
+            )
+        if (self.azimuth_reference == "magnetic") != (self.magnetic_variation_deg is not None):
+            raise InputError(
+                f"got azimuth_reference {self.azimuth_reference!r} and magnetic_variation_deg {self.magnetic_variation_deg}, "
+                "needed a variation with 'magnetic', and with no other"
             )
         return self
 
@@ -107,6 +118,10 @@ def sensors_of(
             pulse_m=_column(radars, "pulse_m"),
             blind_m=_column(radars, "blind_m"),
             db_per_level=_column(radars, "db_per_level"),
+            azimuth_reference=np.array([AzimuthReference[r.azimuth_reference.upper()] for r in radars], np.int64),
+            variation_rad=np.radians(
+                [np.nan if r.magnetic_variation_deg is None else r.magnetic_variation_deg for r in radars]
+            ),
         ),
         stations=Stations(
             name=_names(stations), site_deg=_sites(stations), range_m=_column(stations, "range_nm") * NAUTICAL_MILE_M

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import Array, Floats, Ints, Radars, RadarVideo, Videos
+from coastwatch.batches import Array, AzimuthReference, Floats, HeadingReports, Ints, Radars, RadarVideo, Videos
+from coastwatch.plots import true_video
 
 LOG = logging.getLogger("coastwatch.serve")
 
@@ -77,12 +78,12 @@ class _Turn:
 
 
 class LiveVideo:
-    """The video of the radars of a run. `take` is called in the thread of the run, all else in any thread."""
+    """The video of the radars of a run. `take...` are called in the thread of the run, all else in any thread."""
 
     def __init__(self, radars: Radars) -> None:
         self.run = secrets.randbelow(2**32 - 1) + 1  # numbers of sectors are of it
         self.names = [str(name) for name in radars.name]
-        self._db_per_level = radars.db_per_level.tolist()
+        self._radars, self._db_per_level = radars, radars.db_per_level.tolist()
         self._number = 0
         self._asked_s: dict[int, float] = {}  # monotonic time at which somebody asked for a radar last
         self._heard_s: dict[int, float] = {}  # monotonic time of its newest video
@@ -124,12 +125,25 @@ class LiveVideo:
         return end
 
     def take_all(self, videos: Videos) -> None:
-        """As `take`, of a cycle."""
+        """Take the spokes of a cycle, with true azimuths."""
         for video in videos.parts:
-            self.take(video)
+            self._take(video)
 
-    def take(self, video: RadarVideo) -> None:
-        """Take the next spokes of a radar. A fault in it is logged, and costs nobody but its viewers."""
+    def take_as_sent(self, video: RadarVideo) -> None:
+        """Take the next spokes of a radar before their cycle, with azimuths as it counts them. Those from a bow wait for their cycle."""
+        if not self._is_by_heading(video):
+            for part in true_video(self._radars, HeadingReports.empty(), Videos((video,))).parts:
+                self._take(part)
+
+    def take_by_heading(self, videos: Videos) -> None:
+        """Take the spokes of a cycle that `take_as_sent` left, with true azimuths."""
+        self.take_all(Videos(tuple(video for video in videos.parts if self._is_by_heading(video))))
+
+    def _is_by_heading(self, video: RadarVideo) -> bool:
+        return bool(self._radars.azimuth_reference[video.sensor] == AzimuthReference.HEADING)
+
+    def _take(self, video: RadarVideo) -> None:
+        """A fault in it is logged, and costs nobody but its viewers."""
         radar, before = video.sensor, self._number
         self._heard_s[radar] = time.monotonic()
         try:

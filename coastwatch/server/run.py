@@ -17,6 +17,7 @@ from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors
 from coastwatch.centre import Cycle
 from coastwatch.cycle import dropped, gathered, run_cycle, start_run
 from coastwatch.formats.intake.accounts import losses
+from coastwatch.plots import true_video
 from coastwatch.scenario import Scenario
 from coastwatch.scores import add, result, start
 from coastwatch.server import checkpoint
@@ -50,7 +51,7 @@ class Computed(NamedTuple):
     number: int
     merged: int  # cycles before it that are merged in it
     cycle: Cycle
-    reports: Reports
+    reports: Reports  # with the true azimuths of video
     seconds: dict[str, float]  # of its stages
     waited_s: float  # for its reports
 
@@ -338,7 +339,9 @@ class _Run:
         for_centres = ForCentres()
         self.plots.note(cycle, self.sensors)
         if self.live is not None:
-            done = Computed(self.run_id, number, number - first, cycle, reports, watch.so_far(), waited_s)
+            video = true_video(self.sensors.radars, memory.headings.headings, reports.video)
+            of_all = replace(reports, video=video)
+            done = Computed(self.run_id, number, number - first, cycle, of_all, watch.so_far(), waited_s)
             for_centres = self.live.computed(done)
         tally = point.tally
         if number >= self.scenario.warmup_cycles and self.recording.truth is not None:

@@ -51,6 +51,7 @@ def warm_up(
     )
     scenario = _with_spots(scenario, several=workers.spots is not serial)
     plan = Plan(start_s=START_S, period_s=scenario.period_s, cycles=CYCLES)
+    sensors = replace(sensors, radars=replace(sensors.radars, azimuth_reference=np.zeros(len(sensors.radars), np.int64)))
     reports, memory, before_s = sea.load(sensors, 0, plan).reports, start_run(scenario, sensors), -np.inf
     of_video = scenario.input if isinstance(scenario.input, SimulatedVideo) else None
     if of_video is None and len(sensors.radars) and (video or isinstance(scenario.input, VideoFiles)):

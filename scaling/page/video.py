@@ -70,7 +70,7 @@ def turns(seeds: list[int]) -> None:
                 pieces = [video.take(rows) for rows in np.array_split(np.arange(len(video)), PARTS)]
                 begun_s = time.process_time()
                 for piece in pieces:
-                    made.take(piece)  # nobody has asked before the first turn
+                    made.take_as_sent(piece)  # nobody has asked before the first turn
                 (taking if turn else idle).append(time.process_time() - begun_s)
                 made.ask(seen)
                 begun_s = time.process_time()
@@ -98,7 +98,7 @@ def on_the_page(vessels: int, frames: int) -> None:
         k = 0
         while not stop.wait(PERIOD_S / PARTS):
             for parts in pieces:
-                video.take(parts[k % PARTS])
+                video.take_as_sent(parts[k % PARTS])
             k += 1
 
     thread = threading.Thread(target=go_on)

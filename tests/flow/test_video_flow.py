@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from coastwatch.batches import Messages, RadarCorrections, RadarReports, Videos
+from coastwatch.batches import AzimuthReference, HeadingReports, Messages, RadarCorrections, RadarReports, Videos
 from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import difference_m
 from coastwatch.regional import reports_of_regions
@@ -49,6 +51,35 @@ def test_a_run_that_is_saved_in_mid_turn_goes_on_to_the_bit():
     for (one, _), (other, _) in zip(want, got, strict=True):
         assert np.array_equal(one.tracks.position_deg, other.tracks.position_deg)
         assert np.array_equal(one.picture.vessel_id, other.picture.vessel_id)
+
+
+def test_video_of_a_ship_that_swings_is_followed_as_that_of_a_radar_on_land():
+    scenario = load_scenario("heymann-table-1", QUICK)
+    sensors, plan = scenario.sensors(), scenario.plan()
+    radars = replace(sensors.radars, azimuth_reference=np.array([AzimuthReference.HEADING]))
+    stream, memory = scenario.input.load(sensors, 2001, plan).reports, start_run(scenario, sensors)
+    for number, (want, _) in enumerate(cycles(scenario)):
+        since = plan.start_s if number == 0 else plan.instant_s(number - 1)
+        reports = stream.between(since, plan.instant_s(number))
+        swung = [
+            replace(v, azimuth_rad=(v.azimuth_rad - np.radians(swinging_deg(v.time_s))) % (2.0 * np.pi))
+            for v in reports.video.parts
+        ]
+        at_s = np.arange(np.ceil(10.0 * since), 10.0 * plan.instant_s(number)) / 10.0
+        headings = HeadingReports(np.zeros(len(at_s), np.int64), at_s, at_s, swinging_deg(at_s))
+        reports = replace(reports, video=Videos(tuple(swung)), headings=headings)
+        of_ship = replace(sensors, radars=radars)
+        memory, cycle = run_cycle(scenario, of_ship, memory, reports, plan.instant_s(number), serial, Stopwatch())
+        if number == 5:
+            memory = load(save(memory))
+        assert len(cycle.tracks) == len(want.tracks)
+        assert np.abs(difference_m(cycle.tracks.position_deg, want.tracks.position_deg)).max(initial=0.0) < 5.0
+    assert memory.headings.left_out == 0
+
+
+def swinging_deg(time_s):
+    """The heading of a ship at anchor that yaws 8 deg to either side in 40 s, through north."""
+    return (358.0 + 8.0 * np.sin(2.0 * np.pi * time_s / 40.0)) % 360.0
 
 
 def test_each_region_is_given_the_video_of_its_own_radars():

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from coastwatch.batches import (
     AisReports,
     BearingReports,
+    HeadingReports,
     RadarReports,
     Reports,
     Sensors,
@@ -52,11 +53,12 @@ HEADER_BYTES = 24 + 16 + 14 + 20 + 8  # of a capture, a packet, Ethernet, IP and
 
 
 def sensors() -> Sensors:
-    """One radar, one sonar and one track source."""
+    """A radar on land, one on a ship, one sonar and one track source."""
     where = {"latitude_deg": SITE[0], "longitude_deg": SITE[1]}
     radar = Radar(name="north", **where, range_nm=12.0, rpm=24.0, range_noise_m=10.0, azimuth_noise_deg=0.3)
+    ship = Radar(name="ship", **where, range_nm=12.0, rpm=24.0, azimuth_reference="heading")
     sonar = Sonar(name="mouth", **where, range_nm=10.0, bearing_noise_deg=0.5)
-    return sensors_of((radar,), (), (sonar,), (TrackSource(name="vts"),))
+    return sensors_of((radar, ship), (), (sonar,), (TrackSource(name="vts"),))
 
 
 def reports() -> Reports:
@@ -69,14 +71,15 @@ def reports() -> Reports:
     position = np.array(SITE) + np.stack([np.arange(n) * 1e-4, np.zeros(n)], 1)
     speed, course = np.full(n, 21.6), np.zeros(n)
     ais = AisReports(time_s, time_s, 235_000_000 + np.arange(n) % 3, position, speed, course, np.zeros(n, np.bool_), none)
-    return replace(Reports.empty(), radar=radar, ais=ais, bearing=bearing)
+    headings = HeadingReports(zeros + 1, time_s, time_s, np.linspace(350.0, 370.0, n) % 360.0)
+    return replace(Reports.empty(), radar=radar, ais=ais, bearing=bearing, headings=headings)
 
 
 def messages(name: str) -> list[bytes]:
     """What another system would send in a format: reports, or else pictures."""
     one = FORMATS[name]
     if one.encode is not None:
-        encoded = one.encode(reports(), {"plot": np.array(["north"]), "bearing": np.array(["mouth"])})
+        encoded = one.encode(reports(), {"plot": np.array(["north", "ship"]), "bearing": np.array(["mouth"])})
         return sorted(encoded, key=lambda line: json.loads(line)["time"]) if name == JSON.name else encoded
     assert one.pictures is not None
     encoder, out = one.pictures(OutSettings(SITE)), []
@@ -191,6 +194,7 @@ DAMAGED = {
     "ais": [b"!AIVDM,1,1,,A,damaged*00", b"!AIVDM,2,1,3,A,55P5TL01VIaAL@7WKO@mBplU@<PDhh000000001S;AJ::4A80?4i@E53,0*3E", b"x"],
     "asterix": [b"\x30\x00\x09\xff\xff\xff\xff\xff\xff", b"\x01\x00\x04\x00"],
     "json": [b"no object", b'{"type": "bearing", "sonar": "mouth", "bearing_deg": 1}'],
+    "heading": [b"$HEHDT,damaged*00", b"$HETHS,12.0,V*1B", b"x"],
     "ttm": [b"$RATTM,01,damaged*00", b"$GPRMC,120000.00,A,damaged*00", b"x"],
 }
 

@@ -13,7 +13,7 @@ import pytest
 from system_track_bytes import system_track
 
 import coastwatch.formats
-from coastwatch.batches import Radars, Reports, Sensors, Sonars, Stations, TrackSources
+from coastwatch.batches import AzimuthReference, Radars, Reports, Sensors, Sonars, Stations, TrackSources
 from coastwatch.formats.asterix.decoder import AsterixDecoder, Origin
 from coastwatch.formats.asterix.system_tracks import SAC, SIC
 from coastwatch.formats.decoding import FeedSettings
@@ -32,10 +32,12 @@ FORMATS_OF_MODULES = [
 
 
 def sensors() -> Sensors:
-    """A coast with one track source and nothing else."""
+    """A coast with one radar on a ship, one track source and nothing else."""
     one = np.full(1, 10.0)
+    ship = np.array([AzimuthReference.HEADING])
+    radars = Radars(np.array(["ship"]), np.zeros(1, np.int64), np.zeros((1, 2)), one, one, one, one, azimuth_reference=ship)
     sources = TrackSources(np.array(["other"]), np.full((1, 2), np.nan), np.zeros(1), one, one, one)
-    return Sensors(Radars.empty(), Stations.empty(), Sonars.empty(), (), np.zeros((0, 2)), track_sources=sources)
+    return Sensors(radars, Stations.empty(), Sonars.empty(), ("region",), np.zeros((1, 2)), track_sources=sources)
 
 
 def vessels(**other: object) -> Vessels:

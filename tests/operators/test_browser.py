@@ -297,7 +297,9 @@ def test_every_key_works_without_a_mouse(world: World, watch: Watch) -> None:
     assert ask("document.getElementById('help').open")
     press("Escape")
     assert not ask("document.getElementById('help').open")
-    key_to_closed_help = "new KeyboardEvent('keydown', {key: 'm', bubbles: true})"  # as the browser sends it before its next drawing
+    key_to_closed_help = (
+        "new KeyboardEvent('keydown', {key: 'm', bubbles: true})"  # as the browser sends it before its next drawing
+    )
     ask(f"{{ document.getElementById('close-help').dispatchEvent({key_to_closed_help}); }}")
     assert ask("coastwatch.measure !== null")
     press("m")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from video_world import sensors
 
-from coastwatch.batches import RadarVideo, Videos
+from coastwatch.batches import AzimuthReference, RadarVideo, Videos
 from coastwatch.server.live_video import AZIMUTHS, RANGES, ROWS, LiveVideo
 
 NOISE = 40  # level of the mean noise, of half decibels
@@ -49,16 +49,31 @@ def test_a_turn_is_the_greatest_level_of_its_cells_however_it_is_cut(cut: int) -
     video, told = spokes(level, turns=2, bits=4), list[int]()
     made.listen(lambda: told.append(1))
     for first in range(0, len(video) if cut > 1 else 2 * AZIMUTHS + 300, cut):
-        made.take(video.take(slice(first, first + cut)))
+        made.take_as_sent(video.take(slice(first, first + cut)))
     newest = level.reshape(AZIMUTHS, 2, RANGES, 3).max((1, 3))
     assert (levels_of(made) == newest).all()
     assert len(made.since({1: 0})) == 16  # the newest of each sector alone
     assert told
 
 
+def test_video_from_a_bow_is_shown_after_its_cycle_and_magnetic_video_at_once() -> None:
+    level = np.zeros((AZIMUTHS, RANGES), np.uint8)
+    level[0] = 15
+    for reference, row in ((AzimuthReference.MAGNETIC, AZIMUTHS // 4), (AzimuthReference.HEADING, 0)):
+        radars = sensors().radars
+        variation = np.full(len(radars), 0.5 * np.pi)
+        made = LiveVideo(replace(radars, azimuth_reference=np.full(len(radars), reference), variation_rad=variation))
+        made.ask([1])
+        video = spokes(level, turns=2, bits=4)
+        made.take_as_sent(video)
+        assert (made.turn(1) is None) == (reference == AzimuthReference.HEADING)
+        made.take_by_heading(Videos((video,)))  # as it comes from a cycle, true
+        assert set(np.flatnonzero(levels_of(made).any(axis=1)).tolist()) == {row}
+
+
 def test_a_radar_that_is_silent_has_no_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     made = looked_at()
-    made.take(spokes(np.full((AZIMUTHS, RANGES), 90, np.uint8), turns=2))
+    made.take_as_sent(spokes(np.full((AZIMUTHS, RANGES), 90, np.uint8), turns=2))
     assert len(made.since({1: 0})) == 16
     later_s = time.monotonic() + 16.0
     monkeypatch.setattr("coastwatch.server.live_video.time.monotonic", lambda: later_s)
@@ -72,7 +87,7 @@ def test_levels_count_from_the_noise_whatever_is_land_or_blanked() -> None:
     level[:256, 100:] = np.minimum(level[:256, 100:] + 60, 255)  # land of 30 dB
     level[300:400] = 0  # blanked
     level[500:510, 200:204] = NOISE + 80  # an echo of 40 dB
-    made.take(spokes(level, turns=2))
+    made.take_as_sent(spokes(level, turns=2))
     found = levels_of(made)
     assert (found[500:510, 200:204] >= 6).all()
     assert (found[500:510, 200:204] <= 7).all()
@@ -87,21 +102,21 @@ def test_linear_video_has_the_same_levels_and_video_that_the_radar_cleaned_shows
     made.ask([1])
     level = np.clip(3.0 * np.sqrt(rng.standard_exponential((AZIMUTHS, RANGES))), 0, 255).astype(np.uint8)
     level[500, 200] = 255  # 38.6 dB over the mean noise
-    made.take(spokes(level, turns=2))
+    made.take_as_sent(spokes(level, turns=2))
     assert (levels_of(made)[500, 200], (levels_of(made) > 0).mean() < 0.01) == (7, True)
     cleaned = looked_at()
     level = np.where(rng.random((AZIMUTHS, RANGES)) < 0.1, 30, 0).astype(np.uint8)
-    cleaned.take(spokes(level, turns=2))
+    cleaned.take_as_sent(spokes(level, turns=2))
     assert ((levels_of(cleaned) > 0) == (level > 0)).all()
 
 
 def test_rare_spokes_fill_the_rows_between_them_and_lost_ones_are_dark() -> None:
     level = np.full((AZIMUTHS // 4, 100), 15, np.uint8)
     made, video = looked_at(), spokes(level, turns=3, bits=4)
-    made.take(video)
+    made.take_as_sent(video)
     assert (levels_of(made) == 15).all()
     lost = np.isin(np.arange(len(video)) % len(level), np.arange(60, 130))  # two sectors and parts of others
-    made.take(video.take(~lost))
+    made.take_as_sent(video.take(~lost))
     dark = (levels_of(made) == 0).all(axis=1)
     assert dark[4 * 61 : 4 * 129].all()
     assert not dark[: 4 * 59].any()
@@ -113,14 +128,14 @@ def test_a_new_range_scale_begins_anew_and_nothing_is_kept_where_nobody_looks(mo
     made.take_all(Videos((spokes(level, turns=2, bits=4),)))
     before = made.since({1: 0})[-1]
     assert before.range_m == RANGES * CELL_M
-    made.take(spokes(level[: 2 * ROWS], bits=4, cell_m=20.0))
+    made.take_as_sent(spokes(level[: 2 * ROWS], bits=4, cell_m=20.0))
     assert made.turn(1) is None
     after = made.since({1: 0})
     assert after
     assert {(one.begun == before.begun, one.range_m) for one in after} == {(False, RANGES * 20.0)}
     monkeypatch.setattr("coastwatch.server.live_video.LOOKED_S", 0.0)
-    made.take(spokes(level, turns=2, bits=4))
+    made.take_as_sent(spokes(level, turns=2, bits=4))
     assert made.since({1: 0}) == []
     never = LiveVideo(sensors().radars)
-    never.take(spokes(level, turns=2, bits=4))
+    never.take_as_sent(spokes(level, turns=2, bits=4))
     assert never.since({1: 0}) == []

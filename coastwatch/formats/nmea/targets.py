@@ -6,12 +6,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import reduce
-from operator import xor
 from typing import Any
 
 import numpy as np
-from pynmeagps import NMEAParseError, NMEAReader
 
 from coastwatch.batches import Floats, Reports, Sensors, TrackReports, TrackSources
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
@@ -20,7 +17,8 @@ from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE,
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
 from coastwatch.formats.nmea.messages import UNDECODABLE
-from coastwatch.formats.nmea.sentences import CHECKSUM, OF_OWN_SHIP, wanted_sentences
+from coastwatch.formats.nmea.sentence_feed import SentenceFeed, has_numbers, made_sentence, parsed_sentence
+from coastwatch.formats.nmea.sentences import OF_OWN_SHIP
 from coastwatch.formats.target_numbers import TargetNumbers
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg
 
@@ -36,12 +34,6 @@ METRES_PER_SECOND = {"N": KNOT_M_S, "K": 1.0 / 3.6, "S": 1609.344 / 3600.0}
 NUMBERS = 1000  # of targets that are sent
 OLDEST_S = 30.0  # position or heading of own ship
 DAY_S = 86_400.0
-
-MOST_AHEAD = 16
-"""Lines at the end of what came that may belong to the next sentence."""
-
-AHEAD = b"$PGHP", b"\\"
-"""Beginnings of lines that may belong to the next sentence."""
 
 State = tuple[int, float, float, float, float, float, float]
 """Number, time of the state, of reception, latitude, longitude, velocity to the east and to the north."""
@@ -61,14 +53,14 @@ class _OwnShip:
 
     def update(self, message: Any, kind: bytes, time_s: float) -> None:
         """Take what a sentence says of the own ship."""
-        if kind in (b"RMC", b"GGA", b"GLL") and _has_numbers(message, "lat", "lon") and getattr(message, "status", "A") != "V":
+        if kind in (b"RMC", b"GGA", b"GLL") and has_numbers(message, "lat", "lon") and getattr(message, "status", "A") != "V":
             self.latitude, self.longitude, self.position_s = message.lat, message.lon, time_s
-        if kind == b"RMC" and _has_numbers(message, "spd", "cog"):
+        if kind == b"RMC" and has_numbers(message, "spd", "cog"):
             self._move(message.spd * KNOT_M_S, message.cog)
-        if kind == b"VTG" and _has_numbers(message, "sogn", "cogt"):
+        if kind == b"VTG" and has_numbers(message, "sogn", "cogt"):
             self._move(message.sogn * KNOT_M_S, message.cogt)
         name = {b"HDT": "headingT", b"THS": "headt", b"OSD": "hdg"}.get(kind, "")
-        if name and _has_numbers(message, name):
+        if name and has_numbers(message, name):
             self.heading_deg, self.heading_s = getattr(message, name), time_s
 
     def _move(self, speed_m_s: float, course_deg: float) -> None:
@@ -103,7 +95,7 @@ class TargetSentences:
 
     def _state(self, sentence: bytes, clock_s: float, where: str) -> State | None:
         kind = sentence[3:6].upper()
-        message = self._parsed(sentence, where)
+        message = parsed_sentence(sentence, where, self._tally)
         if message is None:
             return None
         if math.isnan(clock_s) and not math.isnan(self._assumed_s):
@@ -120,20 +112,6 @@ class TargetSentences:
             self._tally.add(refused, where, sentence)
         return state
 
-    def _parsed(self, sentence: bytes, where: str) -> Any:
-        """What pynmeagps makes of a sentence; None: nothing."""
-        message: Any = None
-        fault = UNDECODABLE
-        try:
-            message = NMEAReader.parse(sentence)
-        except NMEAParseError as error:
-            fault = CHECKSUM if "checksum" in str(error) else UNDECODABLE
-        except Exception:  # a sentence that pynmeagps cannot parse must not stop the feed
-            message = None
-        if message is None:
-            self._tally.add(fault, where, sentence)
-        return message
-
 
 def _state(message: Any, kind: bytes, clock_s: float, own: _OwnShip) -> tuple[State | None, str]:
     """The state of a target, or None and the kind of fault."""
@@ -141,7 +119,7 @@ def _state(message: Any, kind: bytes, clock_s: float, own: _OwnShip) -> tuple[St
     if status in ("L", "Q"):
         return None, LOST if status == "L" else ACQUIRED
     needed = ("targetnum", "targetdist", "targetbearing") if kind == b"TTM" else ("targetnum", "targetlat", "targetlon")
-    if not _has_numbers(message, *needed):
+    if not has_numbers(message, *needed):
         return None, NO_TARGET
     time_s = time_of_day_s(getattr(message, "time", None), clock_s)
     velocity = (math.nan, math.nan)
@@ -172,7 +150,7 @@ def _signed(degrees: float, side: str, negative: str) -> float:
 
 def _velocity(message: Any, heading: float, own: _OwnShip) -> tuple[float, float]:
     """East and north of a TTM target. A relative one is against the own ship, and its course is from the bow."""
-    if not _has_numbers(message, "targetspeed", "targetcourse"):
+    if not has_numbers(message, "targetspeed", "targetcourse"):
         return math.nan, math.nan
     speed = message.targetspeed * METRES_PER_SECOND.get(getattr(message, "speedu", "N"), KNOT_M_S)
     if getattr(message, "targetcourseu", "T") != "R":
@@ -184,12 +162,6 @@ def _velocity(message: Any, heading: float, own: _OwnShip) -> tuple[float, float
 def _vector(length: float, bearing_deg: float) -> tuple[float, float]:
     """East and north."""
     return length * math.sin(math.radians(bearing_deg)), length * math.cos(math.radians(bearing_deg))
-
-
-def _has_numbers(message: Any, *names: str) -> bool:
-    """Whether fields are there and finite numbers."""
-    values = (getattr(message, name, None) for name in names)
-    return all(isinstance(value, int | float) and math.isfinite(value) for value in values)
 
 
 def time_of_day_s(of_day: Any, clock_s: float) -> float:
@@ -210,14 +182,11 @@ class TargetDecoder:
         self.tally, self.counts = Tally(), Counts()
         self.checked = checked
         self.stamps = Stamps(name, checked, self.tally)
-        self._name = name
         self._source = source
         site_deg = sources.site_deg[source] if site_deg is None else site_deg
         self._targets = TargetSentences(site_deg, float(sources.heading_deg[source]), math.nan, self.tally)
         self._waiting = Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg"))
-        self._seen = self._lines = 0  # lines that have come, and those before what is decoded
-        self._before: list[Item] = []  # the last clock sentence, and lines that belong to the next sentence
-        self._again = 0  # of them, lines that were decoded before
+        self._cut = SentenceFeed(name, TARGETS + OWN_SHIP, self.tally, self.counts.ledger)
 
     @property
     def has_dates(self) -> bool:
@@ -231,36 +200,15 @@ class TargetDecoder:
 
     def decode(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A sentence without a time has that of its arrival."""
-        self._seen += len(items)
-        items, again, own_ship = [*self._before, *items], self._again, self._targets.of_own_ship
-        ahead = len(items)
-        while (
-            ahead
-            and len(items) - ahead < MOST_AHEAD
-            and items[ahead - 1][1].strip().startswith(AHEAD)
-            and b"*" not in items[ahead - 1][1].rpartition(b"\\")[2]
-        ):
-            ahead -= 1
-        items, waiting = items[:ahead], items[ahead:]
-        self._lines = self._seen - len(waiting) - len(items)
-        clock = [item for item in items if item[1][3:6] in (b"ZDA", b"RMC")][-1:]
-        self._before, self._again = [*clock, *waiting], len(clock)
-        lines = [line for _, line, _ in items]
+        own_ship = self._targets.of_own_ship
         states: list[State] = []
         arrived: list[float] = []
-        ledger = self.counts.ledger
-        for sentence in wanted_sentences(lines, self._name, self.tally, TARGETS + OWN_SHIP, ledger, again):
-            if sentence.line <= again:
-                continue
-            when = items[sentence.line - 1][0]
-            stamps = (s for s in (sentence.own_s, sentence.clock_s, when) if not math.isnan(s))
-            state = self._targets.state(
-                sentence.sentence, next(stamps, math.nan), f"{self._name}:{self._lines + sentence.line}"
-            )
+        for fed in self._cut.sentences(items):
+            state = self._targets.state(fed.sentence, fed.time_s, fed.where)
             if state is not None:
                 states.append(state)
-                arrived.append(when)
-        ledger.beside[OF_OWN_SHIP] += self._targets.of_own_ship - own_ship
+                arrived.append(fed.arrived_s)
+        self.counts.ledger.beside[OF_OWN_SHIP] += self._targets.of_own_ship - own_ship
         if states:
             self._add(np.array(states, np.float64), np.array(arrived))
 
@@ -339,17 +287,17 @@ class TargetEncoder:
 
     def _sentence(self, number: int, place: Floats, motion: tuple[float, float], name: str, clock: str) -> bytes:
         if self._site is None:
-            return _sentence(
+            return _line(
                 f"CWTLL,{number:02d},{_angle(place[0], 'N', 'S', 2)},{_angle(place[1], 'E', 'W', 3)},{name},{clock},T,"
             )
         east, north = difference_m(place, np.array(self._site)).tolist()
         miles, bearing = math.hypot(east, north) / NAUTICAL_MILE_M, math.degrees(math.atan2(east, north)) % 360.0
         motion_fields = f"{motion[0]:.1f},{motion[1]:.1f},T" if math.isfinite(motion[0] + motion[1]) else ",,"
-        return _sentence(f"CWTTM,{number:02d},{miles:.3f},{bearing:.2f},T,{motion_fields},,,N,{name},T,,{clock},A")
+        return _line(f"CWTTM,{number:02d},{miles:.3f},{bearing:.2f},T,{motion_fields},,,N,{name},T,,{clock},A")
 
 
-def _sentence(body: str) -> bytes:
-    return f"${body}*{reduce(xor, body.encode()):02X}\r\n".encode()
+def _line(body: str) -> bytes:
+    return f"{made_sentence(body)}\r\n".encode()
 
 
 def _angle(degrees: float, positive: str, negative: str, width: int) -> str:

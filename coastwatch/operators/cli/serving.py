@@ -166,7 +166,7 @@ def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.so
         source: Input = Paced(options.speed)
         if live:
             source = LiveInput(
-                feeds, sensors, regions=regions, clock=options.clock, lateness_s=options.lateness, on_video=video.take
+                feeds, sensors, regions=regions, clock=options.clock, lateness_s=options.lateness, on_video=video.take_as_sent
             )
             stack.enter_context(source)
             for text in source.dateless:
@@ -181,7 +181,7 @@ def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.so
             workers=options.workers,
             resume=live and not options.new,
             publisher=service.publisher,
-            on_video=None if live else video.take_all,  # live feeds give it before the cycle
+            on_video=video.take_by_heading if live else video.take_all,  # live feeds give the others before the cycle
         )
         service.source, run.on_failed = run, lambda: service.end()
         service.asked.append(run.left_alarms)

@@ -15,6 +15,7 @@ from coastwatch.batches import AisReports, Bools, Floats, RadarReports, Recordin
 from coastwatch.batches.reports import AisStatics, BearingReports
 from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, from_plane
+from coastwatch.sensors.simulated.radar import refuse_unusable
 from coastwatch.stage import Count, Method, NotNegative, Plan, Positive, Share
 
 MOTION, DETECTION, CLUTTER, AIS = 61, 62, 63, 64  # streams of random numbers
@@ -60,8 +61,7 @@ class Crossing(Method):
 
         Raises: InputError if the scenario has no radar.
         """
-        if not len(sensors.radars):
-            raise InputError("radars: got none, needed one where input.method is crossing")
+        refuse_unusable(sensors.radars, "crossing", "one")
         first_s, span_s = plan.instant_s(0), plan.instant_s(plan.cycles - 1) - plan.instant_s(0)
         time_s = np.arange(0.0, span_s + STEP_S, STEP_S)
         state = self._motion(np.random.default_rng([seed, MOTION]), len(time_s))

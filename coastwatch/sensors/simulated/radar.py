@@ -13,7 +13,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from coastwatch.batches import Bools, Floats, Ints, RadarReports, Radars, Trajectories
+from coastwatch.batches import AzimuthReference, Bools, Floats, Ints, RadarReports, Radars, Trajectories
 from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, from_plane, to_plane, wrap_deg, wrap_rad
 from coastwatch.sensors.simulated.trajectories import chosen
@@ -110,6 +110,17 @@ def interpolated(trajectories: Trajectories) -> PositionAt:
         return out
 
     return position_at
+
+
+def refuse_unusable(radars: Radars, method: str, needed: str = "") -> None:
+    """Raises: InputError: a simulation cannot be of these radars. Args: method: of the input; needed: "one" if it needs a radar."""
+    if needed and not len(radars):
+        raise InputError(f"radars: got none, needed {needed} where input.method is {method}")
+    for name in radars.name[radars.azimuth_reference > AzimuthReference.TRUE][:1]:
+        raise InputError(
+            f"radars.{name}.azimuth_reference: got that of the ship or of magnetic north, needed 'true' where input.method is "
+            f"{method}: simulated azimuths are true"
+        )
 
 
 def observe(

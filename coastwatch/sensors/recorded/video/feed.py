@@ -19,6 +19,7 @@ from coastwatch.sensors.recorded.video.pictures import Pictures, PictureStream
 from coastwatch.stage import Method, NotNegative, Plan
 
 FORMAT = "video"
+FORMATS = FORMAT, "heading"
 
 
 class VideoFiles(Method):
@@ -58,9 +59,9 @@ class VideoFiles(Method):
         """Raises: InputError: an address of another format."""
         files = [wire_file(text if "+file:" in text else f"{FORMAT}+file:{text}") for text in self.files]
         for file in files:
-            if file.format != FORMAT:
+            if file.format not in FORMATS:
                 raise InputError(
-                    f"files: got {file.text!r}, needed video+file:PATH; input.method = 'tables' reads other formats"
+                    f"files: got {file.text!r}, needed video+file:PATH, or heading+file:PATH; input.method = 'tables' reads other formats"
                 )
         return files
 

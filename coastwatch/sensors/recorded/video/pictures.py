@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Array, FileContent, Radars, RadarVideo
+from coastwatch.batches import Array, AzimuthReference, FileContent, Radars, RadarVideo
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.sensors.recorded.files import existing_path
@@ -64,6 +64,10 @@ class PictureStream:
                 f"{path}: got radar {settings.radar!r}, needed one of {', '.join(names) or 'none'} as radar of input.pictures"
             )
         self._radar = names.index(settings.radar) if settings.radar else 0
+        if radars.azimuth_reference[self._radar] == AzimuthReference.HEADING:
+            raise InputError(
+                f"{path}: got a radar of azimuth_reference 'heading', needed another one: pictures have a heading each, with head_up"
+            )
         self._table, self._folder = read_table(path, "auto", tally), path.parent
         column = {name: self._table.find(None, aliases) for name, aliases in COLUMNS.items()}
         if column["file"] is None or column["time"] is None:

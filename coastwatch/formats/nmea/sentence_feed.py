@@ -1,0 +1,93 @@
+"""The sentences of a feed that are wanted, cut from its lines as they come, and what pynmeagps makes of one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import reduce
+from operator import xor
+from typing import Any, NamedTuple
+
+from pynmeagps import NMEAParseError, NMEAReader
+
+from coastwatch.formats.decoding import Item
+from coastwatch.formats.intake.faults import Ledger, Tally
+from coastwatch.formats.nmea.messages import UNDECODABLE
+from coastwatch.formats.nmea.sentences import CHECKSUM, wanted_sentences
+
+MOST_AHEAD = 16
+"""Lines at the end of what came that may belong to the next sentence."""
+
+AHEAD = b"$PGHP", b"\\"
+"""Beginnings of lines that may belong to the next sentence."""
+
+
+class FedSentence(NamedTuple):
+    """A sentence of a feed."""
+
+    sentence: bytes
+    time_s: float  # of its own, else of the last clock sentence, else of arrival; NaN: none
+    arrived_s: float  # NaN: not known
+    where: str  # of the sentence, for the tally
+
+
+class SentenceFeed:
+    """The lines of one feed, as they come, to sentences with these formatters."""
+
+    def __init__(self, name: str, wanted: tuple[bytes, ...], tally: Tally, ledger: Ledger) -> None:
+        """Args: name: of the feed; tally, ledger: of it."""
+        self._name, self._wanted, self._tally, self._ledger = name, wanted, tally, ledger
+        self._seen = 0  # lines that have come
+        self._before: list[Item] = []  # the last clock sentence, and lines that belong to the next sentence
+        self._again = 0  # of them, lines that were decoded before
+
+    def sentences(self, items: list[Item]) -> Iterator[FedSentence]:
+        """The wanted sentences of lines that have come, in order. Other lines are counted."""
+        self._seen += len(items)
+        items, again = [*self._before, *items], self._again
+        ahead = len(items)
+        while (
+            ahead
+            and len(items) - ahead < MOST_AHEAD
+            and items[ahead - 1][1].strip().startswith(AHEAD)
+            and b"*" not in items[ahead - 1][1].rpartition(b"\\")[2]
+        ):
+            ahead -= 1
+        items, waiting = items[:ahead], items[ahead:]
+        first = self._seen - len(waiting) - len(items)
+        clock = [item for item in items if item[1][3:6] in (b"ZDA", b"RMC")][-1:]
+        self._before, self._again = [*clock, *waiting], len(clock)
+        lines = [line for _, line, _ in items]
+        for received in wanted_sentences(lines, self._name, self._tally, self._wanted, self._ledger, again):
+            if received.line <= again:
+                continue
+            arrived_s = items[received.line - 1][0]
+            stamps = (s for s in (received.own_s, received.clock_s, arrived_s) if not math.isnan(s))
+            where = f"{self._name}:{first + received.line}"
+            yield FedSentence(received.sentence, next(stamps, math.nan), arrived_s, where)
+
+
+def parsed_sentence(sentence: bytes, where: str, tally: Tally) -> Any:
+    """The message of a sentence, with the fields of pynmeagps; None: it has none, and is counted. Args: where: for the tally."""
+    message: Any = None
+    fault = UNDECODABLE
+    try:
+        message = NMEAReader.parse(sentence)
+    except NMEAParseError as error:
+        fault = CHECKSUM if "checksum" in str(error) else UNDECODABLE
+    except Exception:  # a sentence that pynmeagps cannot parse must not stop the feed
+        message = None
+    if message is None:
+        tally.add(fault, where, sentence)
+    return message
+
+
+def has_numbers(message: Any, *names: str) -> bool:
+    """Whether fields of a message are there and finite numbers."""
+    values = (getattr(message, name, None) for name in names)
+    return all(isinstance(value, int | float) and math.isfinite(value) for value in values)
+
+
+def made_sentence(body: str, start: str = "$") -> str:
+    """A sentence, or a tag block, with its checksum. Args: body: what the checksum is of; start: what stands before it."""
+    return f"{start}{body}*{reduce(xor, body.encode()):02X}"
