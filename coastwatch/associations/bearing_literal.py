@@ -26,6 +26,8 @@ class LiteralBearingMemory:
 class BearingWindowedCovariance(Method):
     """Pairs whose newest difference of bearing and rate passes a chi-square test with the sample covariance of the last p.
 
+    Of a paper, for comparison.
+
     Kept to reproduce the published figures; p and the confidence are not published. Each bearing track takes its nearest vessel
     (smallest statistic), even if another track takes it too, unless `one_to_one`. p <= 2 makes the covariance singular and is
     refused; a pair without p cycles of history is not tested. Statistic: x = Delta^T Phi^-1 Delta.

@@ -24,6 +24,8 @@ KEPT = 4.0  # a refused pair keeps its cross-covariance up to so many times the 
 class SingleScanTest(Method):
     """Two tracks are associated while their difference d of position and velocity passes D = d' T^-1 d <= chi2(1 - alpha).
 
+    Of a paper, for comparison.
+
     `dependence` says what T is. `independent`: the sum of both covariances. `recursive`: less C + C', the cross-covariance of their
     errors by its recursion, exact for Kalman filters with the process noise `noise_m2_s3`. `geometric_mean`: C is `correlation`
     times the geometric mean of both covariances.

@@ -20,6 +20,8 @@ STATES = 4  # dimensions of the difference: position and velocity
 class Counting(Method):
     """Two tracks are associated after `hits` cycles in a row within `threshold_m`, until `misses` cycles in a row beyond it.
 
+    Of a paper, for comparison.
+
     It needs no covariance. Statistic: distance of the positions, m.
 
     Source: A. Sagild, track-to-track fusion of radar and AIS, 2021, section 4.2.
@@ -46,7 +48,7 @@ class Counting(Method):
 
 
 class TwoCountings(Method):
-    """Two tracks are associated while a tight or a loose counting associates them: see `counting`.
+    """Two tracks are associated while a tight or a loose counting associates them: see `counting`. Of a paper, for comparison.
 
     Statistic: distance of the positions, m.
 
@@ -88,7 +90,7 @@ class TwoCountings(Method):
 
 
 class CountedTest(Method):
-    """Two tracks are associated after `hits` passed tests in a row, until `misses` refused ones in a row.
+    """Two tracks are associated after `hits` passed tests in a row, until `misses` refused ones in a row. Of a paper, for comparison.
 
     The test is `single_scan_test` with independent errors. A pair without covariance never passes.
     Statistic: distance of the positions, m.
@@ -112,6 +114,8 @@ class CountedTest(Method):
 
 class TestThenCounting(Method):
     """As `counting`; a hit that also passes the test at `significance` associates at once, because the two are very close.
+
+    Of a paper, for comparison.
 
     A pair without covariance is associated by counting alone. Statistic: distance of the positions, m.
     """

@@ -25,6 +25,8 @@ class LiteralMemory:
 class WindowedCovarianceLiteral(Method):
     """Pairs whose newest difference passes a chi-square test with the sample covariance of the last p differences.
 
+    Of a paper, for comparison.
+
     Kept to reproduce the published figures; p and the confidence are not published. p <= 4 makes the covariance singular and is
     refused. With `one_to_one` false each track of the lower source takes its nearest (smallest x) partner of each other source.
     Two tracks of one source may take the same partner; then the nearer one keeps it.

@@ -68,7 +68,7 @@ class LiteralFilters:
 
 
 class ImmOfTracksLiteral(FusionMethod):
-    """The IMM of plot fusion again, with radar and AIS tracks as its measurements in every cycle.
+    """The IMM of plot fusion again, with radar and AIS tracks as its measurements in every cycle. Of a paper, for comparison.
 
     The paper says: "the same IMM filter used for radar plot fusion" (III-F), with tracks as inputs; "process error and measurement
     errors were adjusted downwards" because the inputs are filtered already (III-F); "variances are dynamically calculated within a

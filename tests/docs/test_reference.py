@@ -1,4 +1,4 @@
-"""What REFERENCE.md says of commands, settings, methods, questions and scenarios."""
+"""What REFERENCE.md, and PAPERS.md of the methods of papers, say of commands, settings, methods, questions and scenarios."""
 
 import re
 from pathlib import Path
@@ -10,13 +10,22 @@ from coastwatch.operators.cli import make_parser
 from coastwatch.scenario import Scenario, scenario_names
 
 HOUSE = Path(__file__).parents[2]
-WRITTEN = reference.FILE.read_text("utf-8")
+WRITTEN, PAPERS = reference.FILE.read_text("utf-8"), reference.PAPERS.read_text("utf-8")
 COMMANDS = list(reference.commands(make_parser(), "coastwatch"))
 TABLES = list(settings.tables(Scenario))
 
 
 def test_the_file_is_current() -> None:
     assert reference.text() == WRITTEN, "run `make docs`"
+    assert reference.papers() == PAPERS, "run `make docs`"
+
+
+def test_a_method_is_on_one_page() -> None:
+    """Methods of papers, for comparison, are on a page of their own; the default of each stage is not."""
+    heads = [set(re.findall(r"^### (\[.*method = \"\w+\"`)", page, re.M)) for page in (WRITTEN, PAPERS)]
+    assert heads[1]
+    assert not heads[0] & heads[1]
+    assert not any("(default)" in line for line in PAPERS.splitlines())
 
 
 def test_every_command_and_argument_is_documented() -> None:
@@ -54,7 +63,7 @@ def test_every_setting_has_a_meaning() -> None:
 def test_every_method_is_documented() -> None:
     methods = [table for table in TABLES if table.method]
     assert len(methods) >= 20
-    unsaid = [t for t in methods if f'`method = "{t.method}"`' not in WRITTEN or t.method not in readme_of(t.model)]
+    unsaid = [t for t in methods if f'`method = "{t.method}"`' not in WRITTEN + PAPERS or t.method not in readme_of(t.model)]
     assert [f"{t.header} {t.method}" for t in unsaid] == []
 
 

@@ -29,7 +29,10 @@ LATE_S = 10.0  # where `births_within_s` is not given: when the last two fifths 
 
 
 class Crossing(Method):
-    """Vessels that start at the edge of a disc around the first radar, pass near its centre and leave. The radar stamps a turn alike."""
+    """Vessels that start at the edge of a disc around the first radar, pass near its centre and leave. The radar stamps a turn alike.
+
+    Of a paper, for comparison.
+    """
 
     method: Literal["crossing"] = "crossing"
     count: Annotated[int, Field(ge=1, le=1000)] = 5  # vessels

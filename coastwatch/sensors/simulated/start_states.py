@@ -57,6 +57,8 @@ PROGRAM_KNOT = 0.514444  # the program multiplies by it where it should divide
 class StartStates(Method):
     """Sixteen vessels with fixed start states and paths; 60 looks of a radar, each stamped alike, and AIS between them.
 
+    Of a paper, for comparison.
+
     The first look is at the end of the cycle after `lead_in`.
     """
 

@@ -15,7 +15,7 @@ from coastwatch.tracks.inputs import AisInput, AisOutput
 
 
 class AisDeadReckoning(Method):
-    """The newest report of each vessel, raw, extrapolated by its speed and course over ground; no filter.
+    """The newest report of each vessel, raw, extrapolated by its speed and course over ground; no filter. Of a paper, for comparison.
 
     Refusals, alarms and the end of silent vessels are those of `ais_filter`. That filter runs here with one model, to decide which
     vessel sent a report. A late report changes a track only if it is the newest report of its vessel.

@@ -42,7 +42,10 @@ class Jipda(Settings):
 
 
 class JipdaLiteral(Settings):
-    """As `jipda`, as printed: a plot of no track is clutter, equation (69), and only a plot in no gate begins a track."""
+    """As `jipda`, as printed: a plot of no track is clutter, equation (69), and only a plot in no gate begins a track.
+
+    Of a paper, for comparison.
+    """
 
     upkeep: ClassVar[str] = "existence"
     by_radar: ClassVar[bool] = True

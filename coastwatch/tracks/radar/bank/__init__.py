@@ -25,7 +25,10 @@ class Compiled(Settings):
 
 
 class Filterpy(Settings):
-    """Filters by filterpy, one `IMMEstimator` a track: slow, the reference for `compiled`. Each track takes one plot."""
+    """Filters by filterpy, one `IMMEstimator` a track: slow, the reference for `compiled`. Each track takes one plot.
+
+    Of a paper, for comparison.
+    """
 
     upkeep: ClassVar[tuple[str, ...]] = ("hits",)
     method: Literal["filterpy"] = "filterpy"
@@ -38,7 +41,7 @@ class Filterpy(Settings):
 
 
 class Particles(Settings):
-    """Clouds of particles, with one model of motion, and positions alone of messages: slow, a baseline."""
+    """Clouds of particles, with one model of motion, and positions alone of messages: slow, a baseline. Of a paper, for comparison."""
 
     upkeep: ClassVar[tuple[str, ...]] = ("existence",)
     method: Literal["particles"] = "particles"

@@ -52,7 +52,9 @@ class _Batch(NamedTuple):
 class ImmJpdaLiteral(Method):
     """IMM of constant velocity and constant turn rate with unscented filters in course and speed; JPDA; M of N looks.
 
-    For the comparison with a paper: `imm_jpda` has the same association with the motion models of Coastwatch.
+    Of a paper, for comparison.
+
+    `imm_jpda` has the same association with the motion models of Coastwatch.
     """
 
     method: Literal["imm_jpda_literal"] = "imm_jpda_literal"

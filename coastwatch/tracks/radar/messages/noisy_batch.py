@@ -16,7 +16,10 @@ from coastwatch.tracks.radar.table import RadarMemory
 
 
 class NoisyBatch(MessageSettings):
-    """The newest AIS message of each id since the last plots, taken at the time of the plots that follow: method C."""
+    """The newest AIS message of each id since the last plots, taken at the time of the plots that follow: method C.
+
+    Of a paper, for comparison.
+    """
 
     method: Literal["noisy_batch"] = "noisy_batch"
     sigma_m: Annotated[float, Field(gt=0.0)] = 8.0  # per axis, in place of their own noise: they are older than the plots

@@ -53,7 +53,7 @@ class _Taken(NamedTuple):
 
 
 class MultiHypothesisLiteral(Method, InitiationSettings):
-    """Track-oriented multiple hypothesis tracking of plots and AIS reports, as in a thesis; for comparison with it.
+    """Track-oriented multiple hypothesis tracking of plots and AIS reports, as in a thesis. Of a paper, for comparison.
 
     All plots of a radar in a cycle are one look at one time, so a cycle should be one turn of the radar.
     """

@@ -46,7 +46,9 @@ class _Look(NamedTuple):
 
 
 class RepulsiveParticles(Method):
-    """Particle filters of course and speed on radar video, one a vessel. For comparison: it cannot part vessels nearer than 250 m.
+    """Particle filters of course and speed on radar video, one a vessel. It cannot part vessels nearer than 250 m.
+
+    Of a paper, for comparison.
 
     Particles are weighed by the level over the background in three by three cells. A few filters search at a time. `literal_equation`
     is as printed, which is as `none`; `start = "uniform"` begins filters anywhere in range, and needs cycles of one turn.
