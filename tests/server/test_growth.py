@@ -100,7 +100,7 @@ def test_lines_that_belong_to_no_sentence_are_not_kept() -> None:
         for made in (decoder, targets):
             made.decode([(NOW_S + k, b"$PGHP,1,2026,1,1,0,0,0,0,,,1", 0)] * 200, None)
     assert len(decoder._senders[0]._ahead) <= ais.MOST_AHEAD
-    assert len(targets._before) <= ais.MOST_AHEAD + 1
+    assert len(targets._cut._before) <= ais.MOST_AHEAD + 1
 
 
 def test_what_is_dropped_is_said_of_the_feed() -> None:

@@ -116,7 +116,7 @@ def test_video_that_is_sent_over_a_group_is_served_as_tracks(
     video.ask([0])
     with (
         store.open_store(url) as opened,
-        LiveInput([address], scenario.sensors(), clock="feeds", on_video=video.take) as source,
+        LiveInput([address], scenario.sensors(), clock="feeds", on_video=video.take_as_sent) as source,
     ):
         service = Service(opened)
         run = LiveRun(scenario, source, service.receive, database=url, workers=1)
