@@ -28,6 +28,7 @@ from coastwatch.associations import (
     BearingAssociationMemory,
     merged_ais,
 )
+from coastwatch.associations.antennas_on_echoes import antennas_on_echoes
 from coastwatch.associations.bearing_members import bearing_members, bearing_only_vessels, vessel_bearings
 from coastwatch.batches import (
     AisAlarms,
@@ -167,10 +168,14 @@ def run_centre(
     with timer("spots"):
         spots_memory, spots = s.spots.step(m.spots, tracks)
     with timer("associations"):
-        comparing, every = Running(s.associations, m.associations), AssociationInput(tracks, spots, map_)
+        on_echoes = antennas_on_echoes(tracks, sensors.source_kinds)
+        of_middles = on_echoes.at_middles(tracks) if len(on_echoes.ais) else tracks
+        comparing, every = Running(s.associations, m.associations), AssociationInput(of_middles, spots, map_)
         associations_memory, associations = merged_ais.associate(comparing, s.associations.gate_m, every, sensors.source_kinds)
     with timer("fused_tracks"):
         bearings = vessel_bearings(m.bearing_members, bearing_tracks, tracks, associations)
+        if len(on_echoes.ais):
+            tracks, measurements = on_echoes.inflated(tracks, measurements)
         counted, of_counted = tracks, associations
         if s.tracks.holds_messages and not s.fused_tracks.of_measurements:
             counted, of_counted, bearings = merged_ais.counted_once(tracks, associations, bearings, sensors.source_kinds)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -134,8 +135,9 @@ def test_a_heading_far_from_the_course_under_way_is_none(heading, sog_kn, moves)
 
 
 @pytest.mark.whole
-def test_a_ship_of_300_m_with_its_antenna_130_m_aft_is_one_vessel():
-    """Video and AIS through all centres, from a minute after the ship said its size."""
+@pytest.mark.parametrize("says_its_size", [True, False])
+def test_a_ship_of_300_m_with_its_antenna_130_m_aft_is_one_vessel(says_its_size):
+    """Video and AIS through all centres, from a minute after the ship said its size; or it never does, and is found on its echo."""
     turns, settled = 80, 45
     scenario = load_scenario("heymann-table-1", {"cycles": str(turns), "radars.0.range_nm": "2.0", "input.cells": "341"})
     start = offset_deg(HOME, np.array([1500.0, -600.0]))
@@ -156,6 +158,8 @@ def test_a_ship_of_300_m_with_its_antenna_130_m_aft_is_one_vessel():
     for cycle in range(plan.cycles):
         now_s = plan.instant_s(cycle)
         arrived = recording.reports.between(plan.instant_s(cycle - 1) if cycle else plan.start_s, now_s)
+        if not says_its_size:
+            arrived = replace(arrived, statics=AisStatics.empty())
         memory, made = run_cycle(scenario, sensors, memory, arrived, now_s, serial, lambda _: nullcontext())
         if cycle >= settled:
             counts.append(len(made.picture))
