@@ -19,12 +19,14 @@ settings.load_profile(os.environ.get("COASTWATCH_HYPOTHESIS", "ci"))
 
 LONGEST = (
     "whole/test_every_scenario",
+    "tracks/test_ais_in_radar_tracks",
     "whole/test_context_driven",
     "operators/test_land_on_map",
     "server/test_run",
     "flow/test_silent_sensors",
 )
-"""Begun first, longest first: a file is the work of one processor, and begun last it would keep the others waiting."""
+"""Begun first: a file is the work of one process, and a long one begun last would keep the others waiting. `test_ais_in_radar_tracks`
+compiles the kernels of all trackers, which several processes would do at once in the files after it."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -26,6 +26,7 @@ PAGES = [
 SHOWN = re.compile(
     r"`(?:\.venv/bin/)?(coastwatch [a-z][^`]*)`|^(?:    |\$ )(?:\.venv/bin/)?(coastwatch [a-z].*)$", re.MULTILINE
 )
+PARSER = make_parser()
 STAND_INS = {"N": "1", "ID": "1", "UTC": "2026-07-01T12:00:00Z", "S,W,N,E": "-23,-44,-22,-43", "KEY=VALUE": "seed=1"}
 
 
@@ -45,7 +46,7 @@ def test_the_parser_takes_every_example() -> None:
     for page, line in shown():
         words = [STAND_INS.get(word, word) for word in shlex.split(line)]
         try:
-            make_parser().parse_args(words[1:])
+            PARSER.parse_args(words[1:])
         except InputError as error:
             refused.append(f"{page}: {line}: {error}")
     assert len(shown()) >= 20
@@ -58,7 +59,7 @@ def test_every_example_names_scenarios_settings_and_questions_that_there_are() -
     for page, line in shown():
         if {"SCENARIO", "NAME", "PAPER"} & set(line.split()):
             continue
-        options = make_parser().parse_args([STAND_INS.get(word, word) for word in shlex.split(line)][1:])
+        options = PARSER.parse_args([STAND_INS.get(word, word) for word in shlex.split(line)][1:])
         try:
             if options.command == "coastwatch reproduce":
                 chosen(options.paper, tuple(options.only))
@@ -158,7 +159,7 @@ def test_the_systemd_unit_starts_a_command_that_there_is() -> None:
         line.replace("%i", "guanabara").replace("${COASTWATCH_DB}", "sqlite:////var/lib/coastwatch/guanabara.db")
     )
     assert words[0].endswith("/.venv/bin/coastwatch")
-    options = make_parser().parse_args(words[1:])
+    options = PARSER.parse_args(words[1:])
     assert (options.scenario, options.resume) == ("guanabara", True)
 
 
@@ -169,7 +170,7 @@ def test_the_units_of_server_and_copies_start_commands_that_there_are() -> None:
     for name in ("serve", "backup"):
         text = (units / f"coastwatch-{name}.service").read_text("utf-8").replace("$COASTWATCH_SERVE", given)
         for line in re.findall(r"^ExecStart=\S+/coastwatch (.*)$", text, re.MULTILINE):
-            found.append(make_parser().parse_args(shlex.split(line)))
+            found.append(PARSER.parse_args(shlex.split(line)))
     assert [options.db for options in found] == ["/var/lib/coastwatch/watch.db"] * 3
     assert len(found[0].feed) == 2
 
@@ -178,7 +179,7 @@ def test_the_makefile_calls_commands_that_there_are() -> None:
     calls = re.findall(r"^\t\$\(BIN\)/coastwatch (.*)$", (HOUSE / "Makefile").read_text("utf-8"), re.MULTILINE)
     assert len(calls) >= 2
     for call in calls:
-        make_parser().parse_args(shlex.split(call))
+        PARSER.parse_args(shlex.split(call))
 
 
 def test_a_node_of_ray_is_stopped_by_its_first_process() -> None:

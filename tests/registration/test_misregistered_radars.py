@@ -27,7 +27,6 @@ SIGMAS = 4.5
 
 
 @cache
-@cache
 def course(folder: Path, right: bool) -> list[Cycle]:
     out: list[Cycle] = []
     settings = SMALL | (RIGHT if right else {})
