@@ -83,6 +83,10 @@ MOST_STATICS = 200_000
 """Vessels whose names are kept; those of vessels that are not in the picture go first."""
 
 
+LACKING = {"azimuths": "feed"}
+"""The kind of trouble where what is left out of a stage is not of a crowd."""
+
+
 class LiveRun:
     """Runs a scenario in a thread until it is closed. Use it in a `with` block, which ends after a whole cycle with a checkpoint.
 
@@ -212,7 +216,7 @@ class LiveRun:
             troubles.append(Trouble("clock", "", None, text, False))
         troubles += [Trouble("zone", name, None, text, False) for name, text in self._refused_zones]
         troubles += [
-            Trouble("crowd", stage, None, f"{LEFT_OUT[stage]} ({count} in the last cycle with any)", False)
+            Trouble(LACKING.get(stage, "crowd"), stage, None, f"{LEFT_OUT[stage]} ({count} in the last cycle with any)", False)
             for stage, (count, when_s) in tuple(self._left_out.items())
             if now_s - when_s < CROWD_SHOWN_S
         ]
