@@ -5,14 +5,14 @@ It also generates the schemas in db/schema.
 
 from __future__ import annotations
 
-import argparse
 import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from coastwatch.operators import presentation, settings
-from coastwatch.operators.cli.parser import EPILOG, make_parser
+from coastwatch.operators.cli.arguments import Parser
+from coastwatch.operators.cli.parser import EPILOG, make_parsers
 from coastwatch.scenario import Scenario, scenario_names
 from coastwatch.store.schema.migrate import write_schemas
 
@@ -76,20 +76,10 @@ def _rows(head: tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> Iterator
     yield ""
 
 
-def commands(parser: argparse.ArgumentParser, name: str) -> Iterator[tuple[str, argparse.ArgumentParser]]:
-    """Name and parser of this command, or of the commands below it."""
-    below = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
-    if not below:
-        yield name, parser
-    for action in below:
-        for word, inner in action.choices.items():
-            yield from commands(inner, f"{name} {word}")
-
-
-def arguments(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
+def arguments(parser: Parser) -> Iterator[tuple[str, str]]:
     """The form and the meaning of each argument."""
-    for action in parser._actions:
-        if action.dest == "help" or isinstance(action, argparse._SubParsersAction):
+    for action in parser.arguments:
+        if action.dest == "help":
             continue
         value = action.metavar or ("|".join(action.choices) if action.choices else "")
         takes = "" if action.nargs == 0 else f" {value}" if action.option_strings else str(value)
@@ -98,8 +88,10 @@ def arguments(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
 
 def _commands() -> Iterator[str]:
     yield "## Commands\n"
-    for name, parser in commands(make_parser(), "coastwatch"):
-        yield f"### {name}\n\n{_prose(str(parser.description))}\n"
+    for name, parser in make_parsers().items():
+        if not name:
+            continue
+        yield f"### coastwatch {name}\n\n{_prose(str(parser.description))}\n"
         yield from _rows(("argument", "meaning"), [(f"`{how}`", what) for how, what in arguments(parser)])
     yield "`coastwatch --version` prints the version. " + " ".join(EPILOG.split()).replace("The whole", "\nThe whole") + "\n"
 

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from coastwatch.operators import presentation, reference, settings
-from coastwatch.operators.cli import make_parser
+from coastwatch.operators.cli.parser import make_parsers
 from coastwatch.scenario import Scenario, scenario_names
 
 HOUSE = Path(__file__).parents[2]
 WRITTEN, PAPERS = reference.FILE.read_text("utf-8"), reference.PAPERS.read_text("utf-8")
-COMMANDS = list(reference.commands(make_parser(), "coastwatch"))
+COMMANDS = [(f"coastwatch {name}", parser) for name, parser in make_parsers().items() if name]
 TABLES = list(settings.tables(Scenario))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import io
 import json
@@ -16,7 +15,8 @@ import states_world as world
 from coastwatch import store
 from coastwatch.batches import Flag
 from coastwatch.operators import plot, presentation, scene
-from coastwatch.operators.cli import main, make_parser
+from coastwatch.operators.cli import main
+from coastwatch.operators.cli.parser import make_parsers
 
 pytestmark = pytest.mark.contract
 
@@ -53,13 +53,9 @@ def url(tmp_path_factory: pytest.TempPathFactory) -> str:
     return world.write(tmp_path_factory.mktemp("states") / "x.db")
 
 
-def with_database(parser: argparse.ArgumentParser, name: str = "") -> list[str]:
+def with_database() -> list[str]:
     """Names of the commands that take a database, verbs after their group."""
-    found = [name] if any("--db" in action.option_strings for action in parser._actions) else []
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            found += [c for key, sub in action.choices.items() for c in with_database(sub, f"{name} {key}".strip())]
-    return found
+    return [n for n, parser in make_parsers().items() if any("--db" in action.option_strings for action in parser.arguments)]
 
 
 NO_POSITION = {"audit", "load", "sensor_coverage", "sensor_registration"}
@@ -81,7 +77,7 @@ def test_the_answer_to_a_question_is_geojson_if_it_has_a_position(url: str, caps
 
 
 def test_every_command_that_takes_a_database_is_tried() -> None:
-    assert set(with_database(make_parser())) == set(READS) | WRITES | LASTS
+    assert set(with_database()) == set(READS) | WRITES | LASTS
 
 
 def answer(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:

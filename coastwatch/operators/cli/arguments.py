@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NoReturn
 
+from coastwatch.errors import InputError
 from coastwatch.operators.typed import box, utc
 from coastwatch.shipped import DEFAULT_DB
+from coastwatch.spelling import did_you_mean
 
 MOST_WORKERS = 4096
 VIDEO = ("beam_deg", "pulse_m", "db_per_level")
@@ -24,31 +28,60 @@ SCENARIOS, QUESTIONS = "_coastwatch_scenarios", "_coastwatch_questions"
 FILES = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
 
 
+INVALID_CHOICE = re.compile(r"argument ([^:]+): invalid choice: '(.*)' \(choose from (.*)\)", re.DOTALL)
+"""How argparse refuses an unknown command or choice."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that knows its arguments, and raises InputError instead of printing its usage: every error is printed in one way."""
+
+    def __init__(self, **settings: Any) -> None:
+        self.arguments: list[argparse.Action] = []
+        super().__init__(**settings)
+
+    def add_argument(self, *names: str, **settings: Any) -> argparse.Action:
+        """As of argparse."""
+        self.arguments.append(super().add_argument(*names, **settings))
+        return self.arguments[-1]
+
+    def add_one_of(self, options: Mapping[str, dict[str, Any]]) -> None:
+        """Add options of which at most one is given. Args: options: as of `add_argument`, by name."""
+        group = self.add_mutually_exclusive_group()
+        self.arguments += [group.add_argument(name, **settings) for name, settings in options.items()]
+
+    def error(self, message: str) -> NoReturn:
+        if refused := INVALID_CHOICE.fullmatch(message):
+            option, word, choices = refused.groups()
+            words = [choice.strip("' ") for choice in choices.split(",")]
+            message = f"{option}: got {word!r}, needed one of {', '.join(words)}{did_you_mean(word, words)}"
+        raise InputError(f"{message.removeprefix('argument ')} (see {self.prog} --help)")
+
+
 def completed_by(action: argparse.Action, function: str | None = None) -> None:
     """Says how a shell completes the value of an argument: by a function, or with files."""
     action.complete = FILES if function is None else {"bash": function, "zsh": function}  # type: ignore[attr-defined]
 
 
-def add_db(parser: argparse.ArgumentParser) -> None:
+def add_db(parser: Parser) -> None:
     text = f"database: SQLAlchemy URL, or path of an SQLite file (default: {DEFAULT_DB}, in the working directory)"
     completed_by(parser.add_argument("--db", metavar="URL", default=DEFAULT_DB, help=text))
 
 
-def add_run(parser: argparse.ArgumentParser) -> None:
+def add_run(parser: Parser) -> None:
     parser.add_argument("--run", metavar="ID", type=whole, help="number of the run (default: the latest)")
 
 
-def add_moment(parser: argparse.ArgumentParser) -> None:
+def add_moment(parser: Parser) -> None:
     text = "instant, ISO 8601, e.g. 2026-07-01T12:00:00Z (default: the last cycle)"
     parser.add_argument("--at", metavar="UTC", type=utc, help=text)
     add_box(parser, "only vessels in this box, degrees; W > E crosses the antimeridian")
 
 
-def add_box(parser: argparse.ArgumentParser, text: str, required: bool = False) -> None:
+def add_box(parser: Parser, text: str, required: bool = False) -> None:
     parser.add_argument("--bbox", metavar="S,W,N,E", type=box, required=required, help=text)
 
 
-def add_span(parser: argparse.ArgumentParser) -> None:
+def add_span(parser: Parser) -> None:
     """Adds what a question about the past needs: database, run, box and two instants."""
     add_db(parser)
     add_run(parser)
@@ -60,14 +93,14 @@ def add_span(parser: argparse.ArgumentParser) -> None:
 FORMATS = ("table", "csv", "json", "geojson", "gpx", "parquet")
 
 
-def add_format(parser: argparse.ArgumentParser, formats: Sequence[str] = FORMATS) -> None:
+def add_format(parser: Parser, formats: Sequence[str] = FORMATS) -> None:
     parser.add_argument("--format", choices=formats, default="table", help="default: table; gpx: waypoints for a chart plotter")
     text = "the same as --format json: one JSON list, an object per row"
     parser.add_argument("--json", action="store_const", const="json", dest="format", help=text)
     add_output(parser)
 
 
-def add_rows(parser: argparse.ArgumentParser, formats: Sequence[str] = FORMATS) -> None:
+def add_rows(parser: Parser, formats: Sequence[str] = FORMATS) -> None:
     """Adds the format of rows, and which rows and columns."""
     add_format(parser, formats)
     text = "sort by columns, the first first; -NAME: descending, e.g. --sort=-sog_kn"
@@ -76,25 +109,24 @@ def add_rows(parser: argparse.ArgumentParser, formats: Sequence[str] = FORMATS) 
     parser.add_argument("--columns", metavar="NAME,...", type=names, default=(), help="only these columns, in this order")
 
 
-def add_output(parser: argparse.ArgumentParser) -> None:
+def add_output(parser: Parser) -> None:
     text = "write to this file instead of the terminal; Parquet needs it"
     completed_by(parser.add_argument("--output", metavar="FILE", help=text))
 
 
-def add_set(parser: argparse.ArgumentParser, text: str) -> None:
+def add_set(parser: Parser, text: str) -> None:
     parser.add_argument("--set", metavar="KEY=VALUE", action="append", default=[], type=pair, dest="settings", help=text)
 
 
-def add_running(parser: argparse.ArgumentParser) -> None:
+def add_running(parser: Parser) -> None:
     """Adds the options of every command that makes a run."""
     text = "processors that share the work (default: the scenario's, in its [workers])"
     parser.add_argument("--workers", metavar="N", type=workers, help=text)
     add_db(parser)
-    again = parser.add_mutually_exclusive_group()
-    text = "continue the newest unfinished run of this scenario and seed from its last checkpoint"
-    again.add_argument("--resume", action="store_true", help=text)
-    text = "delete earlier runs of this scenario and seed, then start"
-    again.add_argument("--restart", action="store_true", help=text)
+    resume = "continue the newest unfinished run of this scenario and seed from its last checkpoint"
+    restart = "delete earlier runs of this scenario and seed, then start"
+    one: dict[str, Any] = {"action": "store_true"}
+    parser.add_one_of({"--resume": {**one, "help": resume}, "--restart": {**one, "help": restart}})
     parser.add_argument("--json", action="store_true", help="print one JSON object: scores, timings_s, database and more")
 
 

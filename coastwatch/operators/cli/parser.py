@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple, NoReturn, get_args, get_origin
+from typing import Any, Literal, NamedTuple, get_args, get_origin
 
-from coastwatch.errors import InputError
 from coastwatch.operators.cli.arguments import (
     QUESTIONS,
     RADAR,
     SCENARIOS,
     SONAR,
     STATION,
+    Parser,
     add_box,
     add_db,
     add_format,
@@ -39,7 +38,6 @@ from coastwatch.operators.cli.arguments import (
 )
 from coastwatch.operators.typed import utc
 from coastwatch.operators.verdict import requirement
-from coastwatch.spelling import did_you_mean
 
 MOVES = "without latitude and longitude (name,,,range_nm,rpm) it moves, and each plot has site_latitude and site_longitude"
 EPILOG = """\
@@ -47,10 +45,6 @@ exit codes: 0 done, 1 failed, 2 bad input, 4 a figure fell or a target was misse
  the reader of the output closed it.
 COASTWATCH_TRACEBACK=1 in the environment prints the traceback of an error.
 All commands, settings and questions: coastwatch/operators/REFERENCE.md"""
-
-
-INVALID_CHOICE = re.compile(r"argument ([^:]+): invalid choice: '(.*)' \(choose from (.*)\)", re.DOTALL)
-"""How argparse refuses an unknown command or choice."""
 
 
 class _Version(argparse.Action):
@@ -63,18 +57,7 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-class _Parser(argparse.ArgumentParser):
-    """A parser that raises InputError instead of printing its usage, so that every error is printed in the same way."""
-
-    def error(self, message: str) -> NoReturn:
-        if refused := INVALID_CHOICE.fullmatch(message):
-            option, word, choices = refused.groups()
-            words = [choice.strip("' ") for choice in choices.split(",")]
-            message = f"{option}: got {word!r}, needed one of {', '.join(words)}{did_you_mean(word, words)}"
-        raise InputError(f"{message.removeprefix('argument ')} (see {self.prog} --help)")
-
-
-AddOptions = Callable[[argparse.ArgumentParser], None]
+AddOptions = Callable[[Parser], None]
 
 
 class Command(NamedTuple):
@@ -104,19 +87,24 @@ def _command(name: str, act: str, summary: str) -> Callable[[AddOptions], AddOpt
     return register
 
 
-def make_parser(command: str | None = None) -> argparse.ArgumentParser:
+def make_parser(command: str | None = None) -> Parser:
     """The parser of all commands. The parsed arguments have `act`, "module:function" in this package.
 
     Args: command: the only one that is to be parsed: the options of `serve` are read from models, which take a second to import.
     """
-    parser = _Parser(
+    return make_parsers(command)[""]
+
+
+def make_parsers(command: str | None = None) -> dict[str, Parser]:
+    """The parser of each command by its name, and that of all under "". Args: as of `make_parser`."""
+    parser = Parser(
         prog="coastwatch",
         description="One picture of a coast from radars, AIS and passive sonars.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
-    places = {"": parser.add_subparsers(title="commands", metavar="COMMAND", required=True)}
+    parsers, places = {"": parser}, {"": parser.add_subparsers(title="commands", metavar="COMMAND", required=True)}
     for name, act, summary, add_options in COMMANDS:
         group, _, verb = name.rpartition(" ")
         if group not in places:
@@ -124,15 +112,15 @@ def make_parser(command: str | None = None) -> argparse.ArgumentParser:
             below = places[""].add_parser(group, help=summary_of_group, description=description)
             places[group] = below.add_subparsers(title="commands", metavar="COMMAND", required=True)
         description = " ".join((add_options.__doc__ or "").split())
-        one = places[group].add_parser(verb, help=summary, description=description)
+        one = parsers[name] = places[group].add_parser(verb, help=summary, description=description)
         one.set_defaults(act=act, command=one.prog)
         if name != "serve" or command in (None, "serve"):
             add_options(one)
-    return parser
+    return parsers
 
 
 @_command("run", "runs:run", "run a scenario and store the picture")
-def run(parser: argparse.ArgumentParser) -> None:
+def run(parser: Parser) -> None:
     """Run a scenario and store the picture of every cycle. Ctrl-C stops it after the cycle in progress; --resume continues it."""
     text = "name (see `coastwatch scenarios`), folder, or .toml file"
     completed_by(parser.add_argument("scenario", metavar="SCENARIO", help=text), SCENARIOS)
@@ -157,13 +145,13 @@ def run(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("scenarios", "runs:scenarios", "list the scenarios")
-def scenarios(parser: argparse.ArgumentParser) -> None:
+def scenarios(parser: Parser) -> None:
     """List the scenarios that come with Coastwatch."""
     parser.add_argument("--json", action="store_true", help="print a JSON list of name and title")
 
 
 @_command("fuse", "fuse:fuse", "fuse recorded files of your own")
-def fuse(parser: argparse.ArgumentParser) -> None:
+def fuse(parser: Parser) -> None:
     """Fuse recorded files into one stored picture, without a scenario. The format of each file is detected from its content."""
     text = "AIS: NMEA 0183 lines, CSV or Parquet; several files in order of time"
     completed_by(parser.add_argument("--ais", metavar="FILE", nargs="+", default=[], help=text))
@@ -208,7 +196,7 @@ def fuse(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("serve", "serving:serve", "run live and serve the picture over HTTP and WebSocket")
-def serve(parser: argparse.ArgumentParser) -> None:
+def serve(parser: Parser) -> None:
     """Serve the picture to browsers and programs: map, API and live stream. With a scenario, run it as time passes and serve
     each picture: a simulation begins now. Without one, follow the run that another process writes to the database. The file of
     a server has these options in its tables [server], [[feeds]] and [[regions]]; variables such as COASTWATCH_PORT and
@@ -240,7 +228,7 @@ def serve(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("feed", "serving:feed", "send a simulation or a recording to live feeds")
-def feed(parser: argparse.ArgumentParser) -> None:
+def feed(parser: Parser) -> None:
     """Send the reports of a scenario, or the sentences of a recorded file, to live feeds by their times: a load generator, and
     a demo of live feeds. A simulation at speed 1 begins now. It prints how many lines or datagrams it sent.
     """
@@ -255,14 +243,14 @@ def feed(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("video", "video:video", "say what radar video comes")
-def video(parser: argparse.ArgumentParser) -> None:
+def video(parser: Parser) -> None:
     """Say what radar video comes from a file or a feed, and what was lost. Then print the settings to begin with."""
     completed_by(parser.add_argument("source", metavar="FILE|URL", help="capture, file of CAT 240, or video+udp://..."))
     parser.add_argument("--seconds", metavar="S", type=float, default=10.0, help="of video to look at (default: 10)")
 
 
 @_command("token add", "serving:add_token", "make a token")
-def token_add(parser: argparse.ArgumentParser) -> None:
+def token_add(parser: Parser) -> None:
     """Make a token of a person or program and print it. The file keeps its hash. A viewer may read; an operator may also
     acknowledge; an admin may do all.
     """
@@ -274,7 +262,7 @@ def token_add(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("reproduce", "reproduce:reproduce", "reproduce the published figures of a paper")
-def reproduce(parser: argparse.ArgumentParser) -> None:
+def reproduce(parser: Parser) -> None:
     """Reproduce every published figure of a paper: run its methods as published and ours over seeds 1000, 1001, ..., then write
     an HTML report and a JSON file. Exit code 4 if a target is missed or an ordering of the paper fails; the last lines say which.
     Finished runs stay in the output folder: the same command continues after an interruption
@@ -293,7 +281,7 @@ def reproduce(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("runs", "read:runs", "list or delete runs")
-def runs(parser: argparse.ArgumentParser) -> None:
+def runs(parser: Parser) -> None:
     """The runs of a database, newest first: scenario, seed, version, cycles, status and main scores. `runs delete ID` deletes
     one, `runs keep N` all but the newest N; a run that is being written stays. Status died: it was not ended, and its process
     is gone, or has written nothing for a minute.
@@ -307,7 +295,7 @@ def runs(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("picture", "read:picture", "show or export the picture")
-def picture(parser: argparse.ArgumentParser) -> None:
+def picture(parser: Parser) -> None:
     """The picture of a run: one row per vessel. Speeds in knots, courses in degrees true, times in UTC, MMSI with nine digits.
     The table has the main columns; the other formats have all.
     """
@@ -318,7 +306,7 @@ def picture(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("track", "read:track", "show one vessel and its history")
-def track(parser: argparse.ArgumentParser) -> None:
+def track(parser: Parser) -> None:
     """One vessel: its details, its alarms, its tracks, its associations and its history, the newest rows of each. --json prints
     all rows of all; csv, geojson, parquet and gpx have the history, gpx as a track for a chart plotter. The history is what the
     watch saw. With --decided: its corrected past instead, the line to print after an incident.
@@ -335,7 +323,7 @@ def track(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("traffic", "read:traffic", "show the vessels in a box in a time span")
-def traffic(parser: argparse.ArgumentParser) -> None:
+def traffic(parser: Parser) -> None:
     """The vessels in a box between two instants: points of their paths, by vessel and time. From each point until `to_utc` the
     vessel kept its course and speed, within `store.history_error_m`. Positions to 0.2 m.
     """
@@ -344,7 +332,7 @@ def traffic(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("encounters", "read:encounters", "show close encounters in a time span")
-def encounters(parser: argparse.ArgumentParser) -> None:
+def encounters(parser: Parser) -> None:
     """Pairs of vessels that came close to each other in a box between two instants: when and where, the closest first."""
     add_span(parser)
     parser.add_argument("--within", metavar="M", type=float, default=500.0, help="largest distance, m (default: 500)")
@@ -355,7 +343,7 @@ def encounters(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("replay", "read:replay", "export recorded pictures")
-def replay(parser: argparse.ArgumentParser) -> None:
+def replay(parser: Parser) -> None:
     """Export the pictures of a recorded run (`store.recording`): one row per vessel and cycle, with the columns of `picture` as
     they were computed. Members are the tracks of radars, AIS and received tracks, written source:track. Then come the velocity
     in metres a second east and north, and the covariance of position and velocity in metres and seconds.
@@ -372,7 +360,7 @@ def replay(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("sensors", "read:sensors", "show sensors and their registration")
-def sensors(parser: argparse.ArgumentParser) -> None:
+def sensors(parser: Parser) -> None:
     """The sensors of a run: specification, newest report and registration errors. Of a radar: the azimuth bias, range bias and
     time lag that are subtracted from its reports, one standard deviation after +-, and the state of the estimate (unknown,
     acquiring, probable, found, settled, doubtful). Evidence: the bias with the most, its odds against chance, how many voices
@@ -384,25 +372,24 @@ def sensors(parser: argparse.ArgumentParser) -> None:
     add_run(parser)
     text = "instant, ISO 8601, e.g. 2026-07-01T12:00:00Z (default: the last cycle)"
     parser.add_argument("--at", metavar="UTC", type=utc, help=text)
-    grids = parser.add_mutually_exclusive_group()
-    text = (
+    cover = (
         "the newest learnt cover of each radar instead: in each sector and ring the probability that a vessel with AIS is detected in "
         "a turn, and that a confirmed track gets a plot, with the turns behind them; CSV and JSON have every cell"
     )
-    grids.add_argument("--cover", action="store_true", help=text)
-    text = "the density of plots of no confirmed track instead, in a square kilometre and turn"
-    grids.add_argument("--clutter", action="store_true", help=text)
-    text = (
+    clutter = "the density of plots of no confirmed track instead, in a square kilometre and turn"
+    standing = (
         "the standing echoes that a clutter map hides from the picture instead: quays, piles and moored boats, with the plots that "
         "each gives in a turn (`tracks.clutter.learnt`)"
     )
-    grids.add_argument("--standing", action="store_true", help=text)
-    grids.add_argument("--video", metavar="URL", help="radars that send video to this server; token: COASTWATCH_TOKEN")
+    video = "radars that send video to this server; token: COASTWATCH_TOKEN"
+    grids = {"--cover": cover, "--clutter": clutter, "--standing": standing}
+    flags: dict[str, dict[str, Any]] = {name: {"action": "store_true", "help": text} for name, text in grids.items()}
+    parser.add_one_of(flags | {"--video": {"metavar": "URL", "help": video}})
     add_rows(parser, ("table", "csv", "json"))
 
 
 @_command("query", "read:query", "answer a question, or list the questions")
-def query(parser: argparse.ArgumentParser) -> None:
+def query(parser: Parser) -> None:
     """Answer one of the questions in db/operator. Without a name, list them with their parameters."""
     text = "name of the question (default: list all)"
     completed_by(parser.add_argument("name", metavar="NAME", nargs="?", help=text), QUESTIONS)
@@ -419,7 +406,7 @@ def query(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("plot", "read:plot", "draw the picture as a PNG")
-def plot(parser: argparse.ArgumentParser) -> None:
+def plot(parser: Parser) -> None:
     """Draw the picture: coverage, vessels by kind of sensor, bearing lines, uncertainty, trails and the coastline. With a scenario
     and --video, draw one turn of radar video instead: coastwatch plot heymann-table-1 --video radar --turn 20.
     """
@@ -451,19 +438,19 @@ def plot(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("db upgrade", "database:upgrade", "create a database or upgrade it to this version")
-def db_upgrade(parser: argparse.ArgumentParser) -> None:
+def db_upgrade(parser: Parser) -> None:
     """Create the database, or upgrade an old one to this version's schema. Its content is kept."""
     add_db(parser)
 
 
 @_command("db check", "database:check", "compare a database with this version's schema")
-def db_check(parser: argparse.ArgumentParser) -> None:
+def db_check(parser: Parser) -> None:
     """Compare the database with this version's schema. Exit code 0: they agree; 1: one line per difference."""
     add_db(parser)
 
 
 @_command("db backup", "database:backup", "copy a database while it is in use")
-def db_backup(parser: argparse.ArgumentParser) -> None:
+def db_backup(parser: Parser) -> None:
     """Copy an SQLite database to a new file while others read and write it: the state of one moment, with whole cycles. Into a
     folder, the copy is named after the database and the time. PostgreSQL: pg_dump.
     """
@@ -474,14 +461,14 @@ def db_backup(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("db restore", "database:restore", "bring a backup back")
-def db_restore(parser: argparse.ArgumentParser) -> None:
+def db_restore(parser: Parser) -> None:
     """Copy a backup to where there is no database. Then `coastwatch db upgrade` brings an old one to this version."""
     completed_by(parser.add_argument("source", metavar="FILE", help="a file that `db backup` wrote"))
     add_db(parser)
 
 
 @_command("db prune", "database:prune", "delete what is old")
-def db_prune(parser: argparse.ArgumentParser) -> None:
+def db_prune(parser: Parser) -> None:
     """Delete what is old, also beside a run that goes on: runs that ended so long ago, and of the others history, details
     (associations, spots, timings, registrations), events and recording that are so much older than the newest cycle. The
     current picture stays. An SQLite file does not shrink; backup and restore make a smaller one. Settings `store.history_hours`
@@ -496,7 +483,7 @@ def db_prune(parser: argparse.ArgumentParser) -> None:
 
 
 @_command("completion", "parser:print_completion", "print a completion script for a shell")
-def completion(parser: argparse.ArgumentParser) -> None:
+def completion(parser: Parser) -> None:
     """Print the script with which a shell completes commands, options, scenarios and questions. bash: eval "$(coastwatch
     completion bash)"; zsh: coastwatch completion zsh > FOLDER_OF_FPATH/_coastwatch.
     """
