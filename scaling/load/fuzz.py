@@ -41,7 +41,9 @@ ADDRESSES = {
     "asterix": "asterix+udp://:0",
     "json": "json+udp://:0",
     "ttm": f"ttm+udp://:0?source={SOURCE}&site=-22.9,-43.1",
+    "heading": "heading+udp://:0",
 }
+KINDS = "radar", "ais", "statics", "bearing", "tracks", "headings"
 TOGETHER = 300
 """Messages of a format that come in one period of cycles."""
 
@@ -62,6 +64,7 @@ OWN_SHIP = (
     b"GPVTG,90.0,T,,M,5.0,N,9.0,K,A", b"HEHDT,90.0,T", b"HETHS,90.0,A", b"RAOSD,90.0,A,90.0,P,5,P,,,N",
     b"GPZDA,120000.00,23,11,2026,00,00",
 )  # fmt: skip
+HEADINGS = b"HEHDT,90.0,T", b"HETHS,359.9,A", b"HETHS,0.1,E", b"HETHS,0.1,V"
 PARTS = (
     b"AIVDM,2,1,3,A,55P5TL01VIaAL@7WKO@mBplU@<PDhh000000001S;AJ::4A80?4i@E53,0", b"AIVDM,2,2,3,A,1@0000000000000,2",
     b"AIVDM,3,1,7,B,55P5TL01VIaAL@7WKO,0", b"BSVDM,2,1,,A,55P5TL01VIaAL@7WKO@mBplU@,0",
@@ -78,7 +81,8 @@ class Messages:
         reports = scenario.input.load(sensors, 1, plan).reports.between(-float("inf"), plan.instant_s(4))
         names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name}
         true = {name: encoded(reports, parsed(ADDRESSES[name]), names)[:2_000] for name in ("ais", "asterix", "json")}
-        self.scenario = scenario
+        ship = scenario.radars[1].model_copy(update={"azimuth_reference": "heading"})
+        self.scenario = scenario.model_copy(update={"radars": (scenario.radars[0], ship)})
         self._bodies = [line.partition(b"!")[2].rpartition(b"*")[0] for line in true["ais"]]
         self._datagrams = true["asterix"]
         self._objects = [json.loads(line) for line in true["json"]]
@@ -102,6 +106,7 @@ class Messages:
             "asterix": self._asterix,
             "json": self._json,
             "ttm": self._target,
+            "heading": lambda now_s: self._sentence(self._random.choice(HEADINGS), b"$", now_s),
         }
         return make[name](time_s)
 
@@ -168,7 +173,7 @@ def decoders(messages: Messages) -> dict[str, Any]:
     sensors = messages.scenario.sensors()
     return {
         name: decode(parsed(ADDRESSES[name]).settings(True), sensors)
-        for name in ("ais", "asterix", "json", "ttm")
+        for name in ADDRESSES
         if (decode := FORMATS[name].decoder) is not None
     }
 
@@ -199,7 +204,7 @@ def fuzzed(number: int, seed: int, chain: int) -> Iterator[tuple[int, Counter[st
             except Exception as error:
                 broken[f"{name}: {_where(error)}"] += 1
                 continue
-            taken[name] += sum(len(getattr(part, kind)) for kind in ("radar", "ais", "statics", "bearing", "tracks"))
+            taken[name] += sum(len(getattr(part, kind)) for kind in KINDS)
             parts.append(part)
         if chain and (cycle * TOGETHER * len(found)) % chain < TOGETHER * len(found):
             reports = Reports.merged([replace(part, tracks=Reports.empty().tracks) for part in parts])
