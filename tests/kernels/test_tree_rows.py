@@ -50,10 +50,10 @@ def test_trees_linked_to_those_looked_at_are_found(seed):
     leaves, rng = random_leaves(seed), np.random.default_rng(100 + seed)
     looked = np.zeros(SLOTS, np.bool_)
     looked[rng.permutation(SLOTS)[:3]] = True
-    of, name = rng.integers(0, SLOTS, 2), rng.integers(0, 12, 2)
+    name = rng.integers(0, 12, 2)
     trees = tree_rows(leaves.slot, leaves.step, SLOTS)
-    found = set(np.flatnonzero(linked_trees(leaves.columns, trees, of, name, looked)).tolist())
-    heard = list(zip(of.tolist(), name.tolist(), strict=True))
+    found = set(np.flatnonzero(linked_trees(leaves.columns, trees, name, looked)).tolist())
+    heard = [(int(np.flatnonzero(looked)[0]), mmsi) for mmsi in name.tolist()]
     assert found == sharing(leaves, heard, set(np.flatnonzero(looked).tolist()))
 
 

@@ -68,7 +68,6 @@ def _take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: Radar
     looked = np.isfinite(looked_s)
     trees = forest.trees()
     rows = kernels.tracks.tree_rows.rows_of(trees, np.flatnonzero(looked))
-    of_looked = leaves.slot[heard.leaf], messages.mmsi[heard.message]
     life = ExistenceColumns(
         leaves.existence, leaves.visibility, leaves.existence_s, leaves.radar_s, leaves.misses, leaves.radar_s
     )
@@ -82,7 +81,7 @@ def _take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: Radar
     refuses = (leaves.mmsi[rows] >= 0) & np.isin(leaves.slot[rows] * MMSI_DIGITS + leaves.mmsi[rows], of_tree)
     leaves.cost[rows[refuses]] += wrong
     grown = Leaves.join([leaves.take(rows), children])
-    grown = with_linked(forest, trees, grown.take(np.argsort(grown.slot, kind="stable")), looked, of_looked)
+    grown = with_linked(forest, trees, grown.take(np.argsort(grown.slot, kind="stable")), looked, messages.mmsi[heard.message])
     pruned = choose_and_prune(pruning, forest, grown, looked, table.status)
     forest = replace(forest.replaced(trees, pruned.slot, pruned.leaves, steps), next_plot=first + len(messages))
     taken = write_chosen(parts, table, pruned, looked, first, batch)

@@ -68,21 +68,16 @@ def with_roots(forest: Forest, table: Table, slots: Ints, plots: Ints) -> Forest
     return forest
 
 
-def with_linked(
-    forest: Forest, trees: TreeRows, grown: Leaves, looked: Bools, heard: tuple[Ints, Ints] | None = None
-) -> Leaves:
-    """These leaves of trees that were looked at, and those of trees that share a plot or an MMSI with them, in order of slots.
+def with_linked(forest: Forest, trees: TreeRows, grown: Leaves, looked: Bools, heard: Ints | None = None) -> Leaves:
+    """These leaves of trees that were looked at, and those of trees that share a plot or an MMSI with them, behind them.
 
-    The choice of all other trees stands. Args: heard: slots that may take a message, and its MMSI.
+    The choice of all other trees stands. Args: heard: MMSI of the messages that trees may take now.
     """
-    none = np.zeros(0, np.int64)
-    linked_trees, columns = kernels.tracks.tree_rows.linked_trees, forest.leaves.columns
-    others = np.flatnonzero(linked_trees(columns, trees, *(heard or (none, none)), looked) & ~looked)
+    names = np.zeros(0, np.int64) if heard is None else heard
+    others = np.flatnonzero(kernels.tracks.tree_rows.linked_trees(forest.leaves.columns, trees, names, looked) & ~looked)
     if not len(others):
         return grown
-    rows = kernels.tracks.tree_rows.rows_of(trees, others)
-    both = Leaves.join([grown, forest.leaves.take(rows)])
-    return both.take(np.argsort(both.slot, kind="stable"))
+    return Leaves.join([grown, forest.leaves.take(kernels.tracks.tree_rows.rows_of(trees, others))])
 
 
 def write_chosen(parts: Parts, table: Table, pruned: Pruned, looked: Bools, first: int, batch: PlotColumns) -> Ints:
