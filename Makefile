@@ -6,8 +6,7 @@ UV_VERSION = 0.13.8
 BIN = .venv/bin
 SYNC = --compile-bytecode
 WARM_UP = $(BIN)/coastwatch run guanabara --restart --set warmup_s=30 --set cycles=10
-# One process more than processors: many tests wait for a socket, a browser or a process.
-TEST = $(BIN)/python -m pytest tests -n $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+TEST = $(BIN)/python -m pytest tests -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 export UV_PROJECT_ENVIRONMENT = .venv
 # Of one file; a busy machine needs more than the minute that is the default.
 export UV_COMPILE_BYTECODE_TIMEOUT = 900
