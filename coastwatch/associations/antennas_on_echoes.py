@@ -1,4 +1,4 @@
-"""AIS tracks on the echoes of large ships: where the antenna is on a hull is said late, so radar and AIS are far apart until then."""
+"""AIS tracks on the echoes of large ships. Until a ship has sent the place of its antenna, radar and AIS are far apart."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class OnEchoes:
     off_m: Floats  # (K, 2) east and north from the middle of the echo
 
     def at_middles(self, tracks: Tracks) -> Tracks:
-        """The tracks for comparison: the antenna may be anywhere on a hull, and no other ship is on it."""
+        """The tracks for comparison, with each AIS track at the middle of its echo: the antenna may be anywhere on a hull."""
         position_deg = tracks.position_deg.copy()
         position_deg[self.ais] = tracks.position_deg[self.echo]
         return replace(tracks, position_deg=position_deg)
@@ -49,9 +49,9 @@ class OnEchoes:
 
 
 def antennas_on_echoes(tracks: Tracks, kinds: Ints) -> OnEchoes:
-    """The AIS tracks on echoes of large ships.
+    """The AIS tracks on echoes of large ships. Args: kinds: (K,) SourceKind of each source.
 
-    A ship says where its antenna is each six minutes, and at anchor where it is each three. Args: kinds: SourceKind of each source.
+    By ITU-R M.1371-5, table 1, a ship sends its size and the place of its antenna each six minutes, and at anchor its position each three.
     """
     is_ais = kinds[tracks.source] == SourceKind.AIS
     echo, ais = np.flatnonzero(~is_ais & (tracks.echo_length_m >= LARGE_M)), np.flatnonzero(is_ais)
@@ -59,15 +59,15 @@ def antennas_on_echoes(tracks: Tracks, kinds: Ints) -> OnEchoes:
         return OnEchoes(ais[:0], ais[:0], np.zeros((0, 2)))
     from scipy.spatial import cKDTree
 
-    half_m = 0.5 * tracks.echo_length_m[echo] + BESIDE_M
-    near = cKDTree(earth_centred(tracks.position_deg[ais])).query_ball_point(earth_centred(tracks.position_deg[echo]), half_m)
-    of_pair = np.repeat(np.arange(len(echo)), [len(some) for some in near])
-    first, second = echo[of_pair], ais[np.concatenate([np.array(some, np.int64) for some in near])]
+    half_m = 0.5 * tracks.echo_length_m + BESIDE_M
+    echoes, antennas = (cKDTree(earth_centred(tracks.position_deg[rows])) for rows in (echo, ais))
+    near = echoes.sparse_distance_matrix(antennas, float(half_m[echo].max()), output_type="ndarray")
+    first, second = echo[near["i"]], ais[near["j"]]
     off_m, axis = difference_m(tracks.position_deg[second], tracks.position_deg[first]), np.radians(tracks.echo_axis_deg[first])
     across_m = np.abs(off_m[:, 0] * np.cos(axis) - off_m[:, 1] * np.sin(axis))
     along_m = np.abs(off_m[:, 0] * np.sin(axis) + off_m[:, 1] * np.cos(axis))
     width_m = np.nan_to_num(tracks.echo_width_m[first])
-    on = (along_m <= half_m[of_pair]) & (across_m <= 0.5 * width_m + BESIDE_M)
+    on = (along_m <= half_m[first]) & (across_m <= 0.5 * width_m + BESIDE_M)
     first, second, off_m = first[on], second[on], off_m[on]
     alone = (np.bincount(first, minlength=len(tracks))[first] == 1) & (np.bincount(second, minlength=len(tracks))[second] == 1)
     return OnEchoes(second[alone], first[alone], off_m[alone])

@@ -41,7 +41,7 @@ def papers() -> str:
     for table in tables:
         if OF_A_PAPER in table.meaning and table.model not in shared:
             parts += _table(table, _header(table), shared, [""])
-    return re.sub(rf"\s+{OF_A_PAPER}", "", "\n".join(parts)).rstrip() + "\n"
+    return "\n".join(parts).rstrip() + "\n"
 
 
 def text() -> str:
@@ -138,7 +138,8 @@ def _table(
     folder = "/".join(table.model.__module__.split(".")[1:-1])
     more = "" if folder in folders else f" More: [{folder}](../{folder}/README.md)."
     folders.append(folder)
-    yield f"### {heading}\n\n{_prose(table.meaning + places + more)}\n"
+    meaning = re.sub(rf"\s*{OF_A_PAPER}", "", table.meaning)
+    yield f"### {heading}\n\n{_prose(meaning + places + more)}\n"
     rows: list[tuple[object, ...]] = [(f"`{s.key}`", s.kind, s.unit, f"`{s.default}`", s.meaning) for s in table.settings]
     for key, models in table.below:
         named = [f"[{m.__name__}](#{m.__name__.lower()})" for m in models if m in shared]

@@ -83,8 +83,8 @@ MOST_STATICS = 200_000
 """Vessels whose names are kept; those of vessels that are not in the picture go first."""
 
 
-LACKING = {"azimuths": "feed"}
-"""The kind of trouble where what is left out of a stage is not of a crowd."""
+KINDS_OF_LEFT_OUT = {"azimuths": "feed"}
+"""The kind of trouble by stage, where what it left out is not of a crowd."""
 
 
 class LiveRun:
@@ -216,7 +216,13 @@ class LiveRun:
             troubles.append(Trouble("clock", "", None, text, False))
         troubles += [Trouble("zone", name, None, text, False) for name, text in self._refused_zones]
         troubles += [
-            Trouble(LACKING.get(stage, "crowd"), stage, None, f"{LEFT_OUT[stage]} ({count} in the last cycle with any)", False)
+            Trouble(
+                KINDS_OF_LEFT_OUT.get(stage, "crowd"),
+                stage,
+                None,
+                f"{LEFT_OUT[stage]} ({count} in the last cycle with any)",
+                False,
+            )
             for stage, (count, when_s) in tuple(self._left_out.items())
             if now_s - when_s < CROWD_SHOWN_S
         ]

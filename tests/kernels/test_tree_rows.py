@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coastwatch.kernels.tracks.hypothesis_trees import drop_similar
-from coastwatch.kernels.tracks.tree_rows import linked_trees, rows_of, tree_rows
+from coastwatch.kernels.tracks.tree_rows import RECENT, linked_trees, rows_of, tree_rows
 from coastwatch.tracks.radar.leaves import Leaves
 
 SLOTS = 40
@@ -26,7 +26,9 @@ def random_leaves(seed: int) -> Leaves:
     rng = np.random.default_rng(seed)
     slots = rng.permutation(SLOTS)[:30]
     slot = np.repeat(np.column_stack([slots, np.full(30, -1)]).ravel(), rng.integers(1, 4, 60))
-    return leaves_of(slot, rng.integers(-3, 60, (len(slot), 3)).clip(-1), rng.integers(-40, 12, len(slot)).clip(-1))
+    plot = rng.integers(-3, 60, (len(slot), 3)).clip(-1)
+    plot[plot >= 30] += RECENT  # the others are looked up in a hash table
+    return leaves_of(slot, plot, rng.integers(-40, 12, len(slot)).clip(-1))
 
 
 def sharing(leaves: Leaves, heard: list[tuple[int, int]], looked: set[int]) -> set[int]:

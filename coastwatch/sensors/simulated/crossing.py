@@ -15,7 +15,7 @@ from coastwatch.batches import AisReports, Bools, Floats, RadarReports, Recordin
 from coastwatch.batches.reports import AisStatics, BearingReports
 from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, from_plane
-from coastwatch.sensors.simulated.radar import refuse_unusable
+from coastwatch.sensors.simulated.radar import require_usable_radars
 from coastwatch.stage import Count, Method, NotNegative, Plan, Positive, Share
 
 MOTION, DETECTION, CLUTTER, AIS = 61, 62, 63, 64  # streams of random numbers
@@ -64,7 +64,7 @@ class Crossing(Method):
 
         Raises: InputError if the scenario has no radar.
         """
-        refuse_unusable(sensors.radars, "crossing", "one")
+        require_usable_radars(sensors.radars, "crossing")
         first_s, span_s = plan.instant_s(0), plan.instant_s(plan.cycles - 1) - plan.instant_s(0)
         time_s = np.arange(0.0, span_s + STEP_S, STEP_S)
         state = self._motion(np.random.default_rng([seed, MOTION]), len(time_s))

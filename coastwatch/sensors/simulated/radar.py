@@ -112,13 +112,17 @@ def interpolated(trajectories: Trajectories) -> PositionAt:
     return position_at
 
 
-def refuse_unusable(radars: Radars, method: str, needed: str = "") -> None:
-    """Raises: InputError: a simulation cannot be of these radars. Args: method: of the input; needed: "one" if it needs a radar."""
-    if needed and not len(radars):
-        raise InputError(f"radars: got none, needed {needed} where input.method is {method}")
-    for name in radars.name[radars.azimuth_reference > AzimuthReference.TRUE][:1]:
+def require_usable_radars(radars: Radars, method: str, least: int = 1) -> None:
+    """Raises: InputError: there are too few radars for a simulation, or one counts azimuths from elsewhere than true north.
+
+    Args: method: of the input; least: number of radars.
+    """
+    if len(radars) < least:
+        raise InputError(f"radars: got none, needed one where input.method is {method}")
+    for row in np.flatnonzero(radars.azimuth_reference > AzimuthReference.TRUE)[:1]:
+        reference = AzimuthReference(radars.azimuth_reference[row]).name.lower()
         raise InputError(
-            f"radars.{name}.azimuth_reference: got that of the ship or of magnetic north, needed 'true' where input.method is "
+            f"radars.{row}.azimuth_reference: got {reference!r} of {radars.name[row]}, needed 'true' where input.method is "
             f"{method}: simulated azimuths are true"
         )
 

@@ -26,7 +26,7 @@ from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M
 from coastwatch.sensors.simulated.ais import POSITION_STEP_DEG, SOG_STEP_KN, AisTruth, transmit, transponders
 from coastwatch.sensors.simulated.formations import Convoys, Passings, in_formation
 from coastwatch.sensors.simulated.harbour import Anchorages, Area, Lanes, Row, StandingEchoes, in_harbour, standing
-from coastwatch.sensors.simulated.radar import RadarTruth, observe, refuse_unusable
+from coastwatch.sensors.simulated.radar import RadarTruth, observe, require_usable_radars
 from coastwatch.sensors.simulated.sonar import SonarTruth, listen
 from coastwatch.sensors.simulated.static_data import transmit_static_data, true_types
 from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, VesselMotion, draw_motion
@@ -87,7 +87,7 @@ class Simulated(Method):
 
         Raises: InputError if [[input.radars]] or [[input.sonars]] name a sensor that the scenario does not have.
         """
-        refuse_unusable(sensors.radars, "simulated")
+        require_usable_radars(sensors.radars, "simulated", least=0)
         radar_truths = truths_of("radars", sensors.radars.name, self.radar, self.radars)
         sonar_truths = truths_of("sonars", sensors.sonars.name, self.sonar, self.sonars)
         start_s, stop_s = plan.start_s, plan.instant_s(plan.cycles - 1)

@@ -17,7 +17,7 @@ from coastwatch.batches.reports import AisStatics, BearingReports
 from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, from_plane
 from coastwatch.sensors.simulated.ais import itu_interval_s
-from coastwatch.sensors.simulated.radar import Burst, refuse_unusable
+from coastwatch.sensors.simulated.radar import Burst, require_usable_radars
 from coastwatch.stage import CountOrZero, Method, NotNegative, Plan, Positive, Share
 
 DETECTION, CLUTTER, AIS, BEFORE = 71, 72, 73, 74  # streams of random numbers
@@ -84,7 +84,7 @@ class StartStates(Method):
 
         Raises: InputError if the scenario has no radar, or another time between two cycles than a look.
         """
-        refuse_unusable(sensors.radars, "start_states", "one")
+        require_usable_radars(sensors.radars, "start_states")
         if plan.period_s != LOOK_S:
             raise InputError(f"period_s: got {plan.period_s}, needed {LOOK_S} where input.method is start_states")
         path, site_deg, reach_m = paths(self.path_seed), sensors.radars.site_deg[0], float(sensors.radars.range_m[0])

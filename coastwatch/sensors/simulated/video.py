@@ -18,7 +18,7 @@ from coastwatch.geodesy import KNOT_M_S, from_plane, offset_deg, to_plane
 from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.sensors.simulated.ais import AisTruth, transmit, transponders
 from coastwatch.sensors.simulated.echoes import TURN_RAD, Disc, Hulls, Power, Rain, add_ships, background
-from coastwatch.sensors.simulated.radar import refuse_unusable
+from coastwatch.sensors.simulated.radar import require_usable_radars
 from coastwatch.sensors.simulated.simulation import inside
 from coastwatch.sensors.simulated.static_data import transmit_static_data
 from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, advanced
@@ -78,7 +78,7 @@ class SimulatedVideo(Method):
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
         """The video of a run as a stream, with the truth at its instants. Raises: InputError if the scenario has no radar."""
-        refuse_unusable(sensors.radars, "simulated_video", "one")
+        require_usable_radars(sensors.radars, "simulated_video")
         start_s, stop_s = plan.start_s, plan.instant_s(plan.cycles - 1)
         vessels = motion_of(self.ships, start_s, stop_s - start_s)
         instants = np.array([start_s, *(plan.instant_s(c) for c in range(plan.cycles))])
