@@ -102,6 +102,26 @@ def test_tables_are_what_the_migrations_make(url: str) -> None:
     assert migrate.check(url) == []
 
 
+def test_a_new_database_is_what_the_migrations_make(url: str, tmp_path: Path) -> None:
+    with kept.open_store(url) as made:
+        where = made.where
+    assert migrate.check(url) == []
+    assert migrate.upgrade(url).before == REVISION
+    with kept.open_store(url, create=False) as again:
+        assert again.where == where
+    if url.startswith("sqlite"):
+        by_steps = f"sqlite:///{tmp_path / 'by_steps.db'}"
+        migrate.upgrade(by_steps)
+        assert _statements(url) == _statements(by_steps)
+
+
+def _statements(url: str) -> set[tuple[str, str, frozenset[str]]]:
+    """Kind and name of each table and index of an SQLite database, and the parts of its statement in no order."""
+    with connect(url, 1.0, may_create=False) as store, reading(store) as connection:
+        rows = connection.execute(text("SELECT type, name, sql FROM sqlite_master WHERE sql IS NOT NULL")).all()
+    return {(kind, name, frozenset(re.split(r"[\s,()]+", sql.replace('"', "")))) for kind, name, sql in rows}
+
+
 def test_the_newest_migration_is_the_one_that_the_tables_name() -> None:
     config = Config()
     config.set_main_option("script_location", str(migrations_folder()))

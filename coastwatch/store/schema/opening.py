@@ -18,8 +18,9 @@ from coastwatch.store.schema.database import (
     refusals,
     revision,
     sqlite_connection,
+    writing,
 )
-from coastwatch.store.schema.tables import REVISION
+from coastwatch.store.schema.tables import METADATA, REVISION, REVISIONS
 
 PART = ".part"
 """End of the name of a copy that is not yet whole."""
@@ -39,15 +40,28 @@ def open_store(url: str, *, create: bool = True, wait_s: float = WAIT_S, limit: 
         if stored is None and not create:
             raise StoreError(f"{store.where}: holds no tables; `coastwatch run` or `coastwatch db upgrade` makes them")
         if stored is None:
-            from coastwatch.store.schema.migrate import upgrade_open  # Alembic is slow to import
-
-            upgrade_open(store)
-        elif stored != REVISION:
+            stored = _make_tables(store)
+        if stored != REVISION:
             raise StoreError(f"{store.where}: {other_schema(stored)}")
     except BaseException:
         store.close()
         raise
     return store
+
+
+def _make_tables(store: Store) -> str | None:
+    """Make the tables of this version in a database without any: as all migrations would, in a tenth of their time.
+
+    Returns: the revision at which it stands then; another process may have been first.
+    """
+    with writing(store) as connection:
+        stored = revision(connection, store.where)
+        if stored is not None:
+            return stored
+        METADATA.create_all(connection, checkfirst=False)
+        REVISIONS.create(connection)
+        connection.execute(REVISIONS.insert().values(version_num=REVISION))
+        return REVISION
 
 
 def backup(store: Store, path: Path) -> int:

@@ -23,6 +23,7 @@ from sqlalchemy import (
     Integer,
     LargeBinary,
     MetaData,
+    PrimaryKeyConstraint,
     String,
     Table,
     Text,
@@ -40,6 +41,14 @@ REVISION = "0027"
 
 REVISION_TABLE = "coastwatch_revision"
 """Not Alembic's default name, so that a PostgreSQL schema may be shared with another program that uses Alembic."""
+
+REVISIONS = Table(
+    REVISION_TABLE,
+    MetaData(),
+    Column("version_num", String(32), nullable=False),
+    PrimaryKeyConstraint("version_num", name=f"{REVISION_TABLE}_pkc"),
+)
+"""The table in which Alembic keeps the migration, as it makes it."""
 
 METADATA = MetaData()
 """All tables below."""
