@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from checkpoint_world import resumed_at_times
 from test_alarm_rules import AREA, PERIOD_S, RULES, SITE, picture_of, sensors, spans
 
 from coastwatch.alarms import (
@@ -34,7 +35,6 @@ from coastwatch.batches import (
     VesselAlarms,
 )
 from coastwatch.geodesy import KNOT_M_S, offset_deg
-from coastwatch.server.checkpoint import load, save
 
 pytestmark = pytest.mark.contract
 
@@ -62,7 +62,7 @@ def play(gone_at: int, first: int, last: int, cycles: int, back_at: int = 10_000
         row = {"id": 1, "at": (10.0 * KNOT_M_S * time_s, 0.0), "kn": (10.0, 0.0), "flags": int(Flag.COASTING) if away else 0}
         rows: list[dict[str, Any]] = [] if away and cycle >= gone_at + 5 else [row]
         given = *picture_of(time_s, rows), time_s, where, ()
-        memory, alarms = RULES.step(load(save(memory)), AlarmInput(*given, hearing=hearing_of(cycle, first, last)))
+        memory, alarms = RULES.step(resumed_at_times(memory, cycle), AlarmInput(*given, hearing=hearing_of(cycle, first, last)))
         out.append(alarms)
     return out
 
@@ -191,7 +191,9 @@ def test_what_only_a_silent_track_source_tracked_is_not_lost(silent: bool, with_
             since = 19 if cycle == 25 else cycle - 1
             of_source = replace(failed(1, 0), stands_from_s=np.full(1, PERIOD_S * since))
         hearing = SensorHearing(failed(1), failed(2), of_source, failed(1))
-        memory, alarms = RULES.step(load(save(memory)), AlarmInput(picture, members, time_s, ALL_KINDS, hearing=hearing))
+        memory, alarms = RULES.step(
+            resumed_at_times(memory, cycle), AlarmInput(picture, members, time_s, ALL_KINDS, hearing=hearing)
+        )
         lost |= bool((alarms.kind == AlarmKind.LOST).any())
     assert lost == is_lost
 
@@ -211,7 +213,7 @@ def watched_over(
         row = {"id": 1, "at": (kn * KNOT_M_S * time_s, 0.0), "kn": (kn, 0.0), "flags": int(Flag.COASTING) if away else 0}
         hearing = hearing_of(cycle, 20, back_at) if is_known else None
         given = *picture_of(time_s, [row]), time_s, where, numbered((zone,))
-        memory, alarms = rules.step(load(save(memory)), AlarmInput(*given, hearing=hearing))
+        memory, alarms = rules.step(resumed_at_times(memory, cycle), AlarmInput(*given, hearing=hearing))
         out.append(alarms)
     return out
 

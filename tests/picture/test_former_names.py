@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from ais_world import START_S, run, sail
+from checkpoint_world import is_checked
 from test_picture import AIS, OTHER_RADAR, PERIOD_S, RADAR, cycle_of, play, sensors
 from test_picture_by_sorting import PATIENT, SHORT, Sea
 from test_picture_by_sorting import sensors as sensors_of
@@ -80,9 +81,9 @@ def test_no_mmsi_is_on_two_vessels_but_of_two_live_ais_tracks(seed, method):
     sea, where, memory, doubled = Sea(30, seed, 0.15), sensors_of(seed), method.init(), 0
     for cycle in range(30):
         given = sea.cycle(1.0 * cycle)
-        again = method.step(load(save(memory)), PictureInput(*given, 1.0 * cycle, where))
+        again = method.step(load(save(memory)), PictureInput(*given, 1.0 * cycle, where)) if is_checked(cycle) else None
         memory, (picture, members) = method.step(memory, PictureInput(*given, 1.0 * cycle, where))
-        assert save(again[0]) == save(memory)
+        assert again is None or save(again[0]) == save(memory)
         has_ais = np.isin(picture.vessel_id, members.vessel_id[members.source == where.ais_source])
         mmsi, count = np.unique(picture.mmsi[picture.mmsi >= 0], return_counts=True)
         twice = np.isin(picture.mmsi, mmsi[count > 1])

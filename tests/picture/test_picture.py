@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from checkpoint_world import is_checked
 
 from coastwatch.batches import (
     AisAlarms,
@@ -89,13 +90,15 @@ def play(script, method=None, where=None, detection=None, jump=None, **alarm):
     memory, out = method.init(), []
     for cycle, rows in enumerate(script):
         tracks, associations, fused = cycle_of(cycle, rows)
-        frozen, jumped = save(memory), np.full(2, cycle == jump)
+        jumped, checked = np.full(2, cycle == jump), is_checked(cycle) or cycle == jump
+        frozen = save(memory) if checked else b""
         given = tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where
         memory_1, (picture, members) = method.step(memory, PictureInput(*given, detection=detection, jumped=jumped))
-        assert save(memory) == frozen, "a step must not write to its memory"
-        resumed, (again, _) = method.step(load(frozen), PictureInput(*given, detection=detection, jumped=jumped))
-        assert save(resumed) == save(memory_1)
-        np.testing.assert_array_equal(again.vessel_id, picture.vessel_id)
+        if checked:
+            assert save(memory) == frozen, "a step must not write to its memory"
+            resumed, (again, _) = method.step(load(frozen), PictureInput(*given, detection=detection, jumped=jumped))
+            assert save(resumed) == save(memory_1)
+            np.testing.assert_array_equal(again.vessel_id, picture.vessel_id)
         memory = memory_1
         out.append((picture, members))
     return out

