@@ -43,11 +43,12 @@ class FlagMemory:
     parted_since_s: Floats  # (P,) inf while they are one
     anchor_deg: Floats  # (V, 2) where each vessel was when it last moved
     anchor_since_s: Floats  # (V,)
+    newest_id: int  # of all vessels so far
 
     @staticmethod
     def empty() -> FlagMemory:
         n, f = np.zeros(0, np.int64), np.zeros(0)
-        return FlagMemory(n, {}, set(), f, n, n, f, f, np.zeros((0, 2)), f)
+        return FlagMemory(n, {}, set(), f, n, n, f, f, np.zeros((0, 2)), f, 0)
 
 
 def flags_of(
@@ -75,7 +76,11 @@ def flags_of(
     at = find(memory.vessel_id, picture.vessel_id)
     clock = {k: memory.no_ais_since_s.get(k, np.inf) for k in [*picture.vessel_id.tolist(), *without_tracks.tolist()]}
     for k, listens, sees in zip(picture.vessel_id.tolist(), (heard & ~has_ais).tolist(), has_radar.tolist(), strict=True):
-        clock[k] = min(clock[k], time_s if sees else np.inf) if listens else np.inf
+        begins = time_s
+        if sees and k > memory.newest_id:  # a new vessel: from its first plot, at most so long ago
+            plots = tracks.started_s[(kinds == SourceKind.RADAR) & (of_track == k)]
+            begins = max(np.min(plots), time_s - settings.dark_unshown_s)
+        clock[k] = min(clock[k], begins if sees else np.inf) if listens else np.inf
     no_ais = np.array([clock[k] for k in picture.vessel_id.tolist()])
     no_radar = _since(has_ais & ~has_radar & seen, memory.no_radar_since_s, at, time_s)
     pairs = _parted(settings, memory, tracks, kinds, of_track, time_s, seen[row])
@@ -113,6 +118,7 @@ def flags_of(
         pairs.parted_since_s,
         anchor_deg,
         anchor_since_s,
+        max([memory.newest_id, *picture.vessel_id.tolist()]),
     )
     return after, flags
 
@@ -177,6 +183,7 @@ def _parted(
         parted[by_ais],
         np.zeros((0, 2)),
         none,
+        memory.newest_id,
     )
 
 
