@@ -368,6 +368,23 @@ def test_a_radar_that_moves_needs_no_place_of_its_own(files: Path, capsys: pytes
     assert "radar 'ship': got no position, needed latitude_deg and longitude_deg, or the columns" in capsys.readouterr().err
 
 
+def test_a_radar_may_count_azimuths_from_magnetic_north(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    variation_deg, url = 11.0, f"sqlite:///{files / 'x.db'}"
+    header, *lines = (line.split(",") for line in (files / "plots.csv").read_text().splitlines())
+    rows = [f"{when},{reach},{(float(azimuth) - variation_deg) % 360.0}" for when, reach, azimuth in lines]
+    (files / "magnetic.csv").write_text("\n".join([",".join(header), *rows]) + "\n")
+    given = ["fuse", "--plots", str(files / "magnetic.csv"), RADAR, "--columns", "time=when", "--db", url, "--json"]
+    said = ["--set", "radars.0.azimuth_reference=magnetic", "--set", f"radars.0.magnetic_variation_deg={variation_deg}"]
+    assert main([*given, *said]) == 0, capsys.readouterr().err
+    capsys.readouterr()
+    assert main(["picture", "--db", url, "--format", "csv"]) == 0
+    vessels = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    places = np.array([[float(row["latitude_deg"]), float(row["longitude_deg"])] for row in vessels])
+    apart = to_plane(places, SITE)[:, None] - ships(START_S + 180.0)[0]
+    assert len(places) == 2
+    assert np.hypot(*apart.transpose(2, 0, 1)).min(axis=0).max() < POSITION_M
+
+
 def test_what_became_of_every_record_is_said_and_a_lost_one_fails_the_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

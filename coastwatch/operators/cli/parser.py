@@ -180,7 +180,8 @@ def fuse(parser: Parser) -> None:
     text = "where the radar of TTM sentences stands, if they come without the position of an own ship"
     parser.add_argument("--track-site", metavar="LAT,LON", type=position, help=text)
     one: dict[str, Any] = {"action": "append", "default": [], "metavar": "SPEC"}
-    parser.add_argument("--radar", **one, type=sensor(RADAR), help=f"a radar: {written_as(RADAR)}; {MOVES}; repeatable")
+    more = "any other of its settings by number, as --set radars.0.azimuth_reference=magnetic"
+    parser.add_argument("--radar", **one, type=sensor(RADAR), help=f"a radar: {written_as(RADAR)}; {MOVES}; {more}; repeatable")
     text = f"an AIS receiver: {written_as(STATION)}; repeatable; the dark flag needs one"
     parser.add_argument("--station", **one, type=sensor(STATION), help=text)
     parser.add_argument("--sonar", **one, type=sensor(SONAR), help=f"a bearing sensor: {written_as(SONAR)}; repeatable")
