@@ -187,7 +187,7 @@ def _grown(
     motion, promising = (parts.bank.prior.renewal_s, parts.bank.models), kernels.tracks.hypothesis_trees.promising
     kept = promising(parents, first, plot, look, batch, rules.chain, motion, (most, gap))
     if not kept.all():
-        first, plot = np.append(0, np.cumsum(kept))[first], plot[kept]
+        first, plot = np.append(0, np.cumsum(kept)).astype(first.dtype)[first], plot[kept]  # of one type: compiled once
     grow = kernels.tracks.hypothesis_trees.grow
     grown, steps = grow(parents, first, plot, look, batch, rules.chain, motion[0], motion[1])
     radar = np.full(len(plot), look.radar)
