@@ -26,7 +26,7 @@ from coastwatch.store.write import write_cycle
 
 pytestmark = pytest.mark.contract
 
-CYCLES = 40
+CYCLES = 26
 GAP_S = 12.0
 KEEP = StoreSettings(event_gap_s=GAP_S)
 ROWS = "SELECT vessel_id, kind, from_cycle, to_cycle, start_s, end_s FROM event ORDER BY vessel_id, kind, from_cycle"
@@ -94,7 +94,7 @@ def test_another_process_goes_on_with_the_events(url: str) -> None:
         assert (stored(store, ROWS), stored(store, GAPS)) == oracle(made, GAP_S)
 
 
-@pytest.mark.parametrize("back", [1, 20])
+@pytest.mark.parametrize("back", [1, 15])
 def test_events_are_those_of_a_run_that_never_went_back(url: str, back: int) -> None:
     """Cycles of another future are replaced from an older checkpoint on."""
     made, others = flagged(3), flagged(4)
