@@ -19,7 +19,7 @@ class IdentitySettings(Method):
     max_speed_kn: Positive = 60.0  # of a return by MMSI
     dark_after_s: NotNegative = 60.0  # radar without AIS where a station should hear it
     dark_unshown_s: NotNegative = (
-        30.0  # how much of it, at most, may be before the vessel is shown, from the first plot of its track
+        30.0  # what a track needs longer to be shown counts too, up to as much again; 0: it never does
     )
     dark_coast_s: NotNegative = 120.0  # how long a dark vessel without tracks is shown, up to `hold_s`
     unseen_after_s: NotNegative = 60.0  # from the last radar to an AIS report, where a radar should see it

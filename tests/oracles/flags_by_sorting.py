@@ -77,9 +77,9 @@ def flags_of(
     clock = {k: memory.no_ais_since_s.get(k, np.inf) for k in [*picture.vessel_id.tolist(), *without_tracks.tolist()]}
     for k, listens, sees in zip(picture.vessel_id.tolist(), (heard & ~has_ais).tolist(), has_radar.tolist(), strict=True):
         begins = time_s
-        if sees and k > memory.newest_id:  # a new vessel: from its first plot, at most so long ago
+        if sees and k > memory.newest_id:  # a new vessel that was long in being shown
             plots = tracks.started_s[(kinds == SourceKind.RADAR) & (of_track == k)]
-            begins = max(np.min(plots), time_s - settings.dark_unshown_s)
+            begins = min(max(np.min(plots) + settings.dark_unshown_s, time_s - settings.dark_unshown_s), time_s)
         clock[k] = min(clock[k], begins if sees else np.inf) if listens else np.inf
     no_ais = np.array([clock[k] for k in picture.vessel_id.tolist()])
     no_radar = _since(has_ais & ~has_radar & seen, memory.no_radar_since_s, at, time_s)
