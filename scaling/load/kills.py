@@ -1,6 +1,6 @@
 """Whether SIGKILL of a region or of its centre loses or repeats a cycle, with a simulation over real sockets:
 
-    python -m scaling.load.kills --kills 10 [--while-writing 2] [--scenario NAME] [--seed N] [--json]
+    python -m scaling.load.kills --kills 10 [--while-writing 2] [--scenario NAME] [--set KEY=VALUE ...] [--seed N] [--json]
 
 The region runs the scenario's radars, the centre takes its tracks and AIS. They are killed in turn, at random moments; some at the
 moment when their database begins to be written. Nearly every cycle of a live run is written with a checkpoint.
@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
@@ -101,10 +102,10 @@ class Server:
             time.sleep(0.05)
 
 
-def started(folder: Path, scenario: str) -> tuple[Server, Server, subprocess.Popen[bytes]]:
-    """The region, the centre and the simulation that feeds them."""
+def started(folder: Path, scenario: str, given: Sequence[str]) -> tuple[Server, Server, subprocess.Popen[bytes]]:
+    """The region, the centre and the simulation that feeds them. Args: given: settings of both servers, KEY=VALUE."""
     plots, ais, of_region, of_centre = free_ports(4)
-    settings = ["--set", f"period_s={PERIOD_S}", "--set", "warmup_s=0"]
+    settings = ["--set", f"period_s={PERIOD_S}", "--set", "warmup_s=0", *(word for pair in given for word in ("--set", pair))]
     region = ["--role", "region", "--port", str(of_region), "--feed", f"json+listen://127.0.0.1:{plots}"]
     centre = ["--role", "centre", "--port", str(of_centre), "--feed", f"ais+listen://127.0.0.1:{ais}"]
     centre += ["--region", f"ws://127.0.0.1:{of_region}?name=north"]
@@ -158,12 +159,12 @@ def is_right(found: dict[str, Any]) -> bool:
     return servers and intake["region_runs"] == 1 and intake["cycles"] > 0 and not intake["missing"] + intake["twice"]
 
 
-def kill(kills: int, while_writing: int, scenario: str, seed: int) -> dict[str, Any]:
-    """Kill them so many times in all, in turn. Args: while_writing: of these kills. Returns: figures."""
+def kill(kills: int, while_writing: int, scenario: str, given: Sequence[str], seed: int) -> dict[str, Any]:
+    """Kill them so many times in all, in turn. Args: while_writing: of these kills; given: settings. Returns: figures."""
     rng, kept, with_checkpoint = np.random.default_rng([seed, 1]), list[float](), 0
     writing = set(rng.permutation(kills)[:while_writing].tolist())
     with tempfile.TemporaryDirectory() as folder:
-        region, centre, feed = started(Path(folder), scenario)
+        region, centre, feed = started(Path(folder), scenario, given)
         try:
             while not (region.vessels() and centre.vessels()):
                 for server in (region, centre):
@@ -203,11 +204,13 @@ def main() -> None:
     parser.add_argument("--kills", type=count, default=10, help="in all, in turn region and centre (default: 10)")
     parser.add_argument("--while-writing", type=whole, default=0, metavar="N", help="of these, while a cycle is written")
     parser.add_argument("--scenario", default="guanabara")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting of region and centre")
     parser.add_argument("--seed", type=int, default=1, help="of the moments of the kills")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     found = {"date": date_utc(), "machine": machine(), "kills": options.kills, "while_writing": options.while_writing}
-    found |= kill(options.kills, options.while_writing, options.scenario, options.seed)
+    found["settings"] = options.set
+    found |= kill(options.kills, options.while_writing, options.scenario, options.set, options.seed)
     found["right"] = is_right(found)
     if options.json:
         print(json.dumps(found))
