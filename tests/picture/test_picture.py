@@ -273,6 +273,12 @@ def test_the_time_without_ais_goes_on_while_radar_loses_a_vessel(seen, lost):
     assert not cycles_with(play([[RADAR]] * seen + [[]] * 40), Flag.DARK)
 
 
+@pytest.mark.parametrize(("shown", "wait"), [(5, 20), (10, 20), (15, 15), (20, 10), (40, 10)])
+def test_what_a_slow_radar_shows_late_is_dark_sooner(shown, wait):
+    """Tracks began in cycle 0. What is beyond 30 s until one is shown counts, up to 30 s of the 60 s without AIS."""
+    assert cycles_with(play([[]] * shown + [[RADAR]] * 25), Flag.DARK)[0] == shown + wait
+
+
 def test_a_dark_vessel_is_shown_for_longer_without_radar():
     script = [[RADAR]] * 25 + [[]] * 50
     assert cycles_with(play(script), Flag.DARK) == list(range(20, 65)), "`dark_after_s` to `dark_coast_s` after cycle 24"
