@@ -1,9 +1,9 @@
 """Flags of vessels that an operator should look at: who decides that a vessel is dark, and the other flags.
 
 - DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS, or
-  lies among ships at anchor: near `anchorage_ships` or more that send AIS. Where a slow radar
-  shows it later than `dark_unshown_s` after its first plot, the time from then on counts, up to as much again. What is stationary or
-  slow has more time: the longest pause of any ship at anchor. The time goes on, and the flag stays, while radar loses it.
+  lies among ships at anchor: near `anchorage_ships` or more that send AIS. Where a slow radar shows it later than `dark_unshown_s`
+  after its first plot, the time from then on counts, up to as much again. What is stationary or slow has more time: the longest
+  pause of any ship at anchor. The time goes on, and the flag stays, while radar loses it.
 - AIS_WITHOUT_RADAR: no radar, and AIS reports still `unseen_after_s` later, where a radar detects most vessels (`AisDetection`).
   A vessel that no report has placed there since may have left: a report of minutes ago does not contradict the radar.
 - AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart, where a radar
@@ -98,8 +98,9 @@ def flag(
     goes_on = ~now.has_ais & (no_ais | np.isfinite(_held_s(memory.no_ais_since_s, before)))
     no_ais_since_s = _since(ais_cover, picture, goes_on, goes_on, memory.no_ais_since_s, before, time_s, AIS_RETURNS_S)
     new = np.flatnonzero((before < 0) & (no_ais_since_s == time_s))
-    first_plot_s = _first_plot_s(tracks, radars, row_of_track, len(picture), time_s)[new]
-    no_ais_since_s[new] = np.clip(first_plot_s + settings.dark_unshown_s, time_s - settings.dark_unshown_s, time_s)
+    if len(new):
+        usual_s = _first_plot_s(tracks, radars, row_of_track, len(picture), time_s)[new] + settings.dark_unshown_s
+        no_ais_since_s[new] = np.clip(usual_s, time_s - settings.dark_unshown_s, time_s)
     no_radar_since_s = _since(
         radar_cover, picture, no_radar & should_see, no_radar, memory.no_radar_since_s, before, time_s, 0.0
     )
