@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import sqlite3
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -113,6 +115,18 @@ def test_a_new_database_is_what_the_migrations_make(url: str, tmp_path: Path) ->
         by_steps = f"sqlite:///{tmp_path / 'by_steps.db'}"
         migrate.upgrade(by_steps)
         assert _statements(url) == _statements(by_steps)
+
+
+def test_processes_that_open_a_new_database_at_once_all_have_it(url: str) -> None:
+    together = threading.Barrier(4)
+
+    def opened(_: int) -> None:
+        together.wait()
+        kept.open_store(url).close()
+
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(opened, range(4)))
+    assert migrate.check(url) == []
 
 
 def _statements(url: str) -> set[tuple[str, str, frozenset[str]]]:

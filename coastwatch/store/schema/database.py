@@ -10,6 +10,7 @@ import json
 import math
 import shutil
 import sqlite3
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
@@ -145,9 +146,22 @@ def connect(url: str, wait_s: float, *, may_create: bool, limit: QueryLimit | No
     _prepare(store)
     if engine.dialect.name == "sqlite" and may_create and touch:
         with refusals(store), engine.connect() as connection:
-            for pragma in (f"page_size = {PAGE_BYTES}", "journal_mode = WAL"):  # page_size has no effect on a file with content
-                connection.connection.cursor().execute(f"PRAGMA {pragma}")
+            _set_up_file(sqlite_connection(connection), wait_s)
     return store
+
+
+def _set_up_file(raw: sqlite3.Connection, wait_s: float) -> None:
+    """Give an SQLite file its write-ahead log. SQLite does not wait for another process that does so, so we ask again."""
+    raw.execute(f"PRAGMA page_size = {PAGE_BYTES}")  # has no effect on a file with content
+    until_s = time.monotonic() + wait_s
+    while True:
+        try:
+            raw.execute("PRAGMA journal_mode = WAL")
+            return
+        except sqlite3.OperationalError as error:
+            if "locked" not in str(error) or time.monotonic() > until_s:
+                raise
+            time.sleep(0.02)
 
 
 def is_sqlite(address: URL) -> bool:

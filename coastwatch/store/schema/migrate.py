@@ -41,14 +41,14 @@ def upgrade(url: str, to: str = "head", *, wait_s: float = WAIT_S) -> Upgraded:
     with connect(url, wait_s, may_create=True) as store:
         with reading(store) as connection:
             before = revision(connection, store.where)
-        upgrade_open(store, to)
+        _migrate(store, to)
         with reading(store) as connection:
             runs = connection.scalar(text("SELECT count(*) FROM run"))
             return Upgraded(before, revision(connection, store.where), int(runs or 0))
 
 
-def upgrade_open(store: Store, to: str = "head") -> None:
-    """`upgrade` of a database that is open: all steps in one transaction."""
+def _migrate(store: Store, to: str) -> None:
+    """Carry out the migrations up to this one, all in one transaction."""
     config = Config()
     config.set_main_option("script_location", str(migrations_folder()).replace("%", "%%"))
     with writing(store) as connection:

@@ -7,6 +7,8 @@ import sqlite3
 from contextlib import closing, suppress
 from pathlib import Path
 
+from sqlalchemy import func, select
+
 from coastwatch.errors import StoreError
 from coastwatch.store.schema.database import (
     WAIT_S,
@@ -21,6 +23,9 @@ from coastwatch.store.schema.database import (
     writing,
 )
 from coastwatch.store.schema.tables import METADATA, REVISION, REVISIONS
+
+MAKES_TABLES = 0x636F617374
+"""Key of the advisory lock of PostgreSQL while tables are made: the bytes of "coast"."""
 
 PART = ".part"
 """End of the name of a copy that is not yet whole."""
@@ -55,6 +60,8 @@ def _make_tables(store: Store) -> str | None:
     Returns: the revision at which it stands then; another process may have been first.
     """
     with writing(store) as connection:
+        if connection.dialect.name == "postgresql":  # one process at a time; SQLite has one writer anyway
+            connection.execute(select(func.pg_advisory_xact_lock(MAKES_TABLES)))
         stored = revision(connection, store.where)
         if stored is not None:
             return stored
