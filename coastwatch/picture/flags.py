@@ -1,9 +1,9 @@
 """Flags of vessels that an operator should look at: who decides that a vessel is dark, and the other flags.
 
 - DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS, or
-  lies among ships at anchor: near `anchorage_ships` or more that send AIS. Where a slow radar shows it later than `dark_unshown_s`
-  after its first plot, the time from then on counts, up to as much again. What is stationary or slow has more time: the longest
-  pause of any ship at anchor. The time goes on, and the flag stays, while radar loses it.
+  lies among ships at anchor: near `anchorage_ships` or more that send AIS. A slow radar shows vessels late: what is beyond
+  `dark_unshown_s` from the first plot until it is shown counts too, at most as much. What is stationary or slow has more time: the
+  longest pause of any ship at anchor. The time goes on, and the flag stays, while radar loses it.
 - AIS_WITHOUT_RADAR: no radar, and AIS reports still `unseen_after_s` later, where a radar detects most vessels (`AisDetection`).
   A vessel that no report has placed there since may have left: a report of minutes ago does not contradict the radar.
 - AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart, where a radar

@@ -18,7 +18,9 @@ class IdentitySettings(Method):
     drift_m_s15: Positive = 0.15  # growth of the uncertainty of a vessel without tracks
     max_speed_kn: Positive = 60.0  # of a return by MMSI
     dark_after_s: NotNegative = 60.0  # radar without AIS where a station should hear it
-    dark_unshown_s: NotNegative = 30.0  # what a track needs longer to be shown counts too, up to as much again; 0: nothing
+    dark_unshown_s: NotNegative = (
+        30.0  # of what is shown later than so long after its first plot, the excess counts too, up to this
+    )
     dark_coast_s: NotNegative = 120.0  # how long a dark vessel without tracks is shown, up to `hold_s`
     unseen_after_s: NotNegative = 60.0  # from the last radar to an AIS report, where a radar should see it
     should_see: Share = 0.5  # least detection probability, in a turn, of a radar that should see a vessel

@@ -121,7 +121,7 @@ def test_pictures_of_a_screen_become_vessels(tmp_path: Path, capsys: pytest.Capt
 
 
 def test_hdf5_of_haxr_becomes_vessels_by_absolute_levels(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    h5py = pytest.importorskip("h5py")
+    h5py = pytest.importorskip("h5py", reason="the package h5py is not installed")
     scenario = load_scenario("heymann-table-1", SCENE)
     columns: dict[str, list[np.ndarray]] = {name: [] for name in ("tod", "az1", "az2", "r1", "r2", "amp")}
     for turn in turns_of(scenario, 10):

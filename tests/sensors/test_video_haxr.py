@@ -16,7 +16,7 @@ from coastwatch.sensors import VideoFiles
 from coastwatch.sensors.recorded.video import haxr
 from coastwatch.sensors.recorded.video.haxr import HaxrFile
 
-h5py = pytest.importorskip("h5py")
+h5py = pytest.importorskip("h5py", reason="the package h5py is not installed")
 pytestmark = pytest.mark.contract
 
 SPOKES, CELLS, CELL_M = 300, 100, 20.0

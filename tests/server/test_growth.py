@@ -189,7 +189,7 @@ def test_a_feed_that_is_sent_survives_a_defect(monkeypatch: pytest.MonkeyPatch, 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError("a defect"), StoreError("database is locked")])
 def test_a_journal_survives_a_defect_and_a_database_that_is_away(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
-    pytest.importorskip("nats")
+    pytest.importorskip("nats", reason="the package nats-py is not installed")
     from coastwatch.server.regions.jetstream import Journal
 
     journal = Journal(parsed_region("nats://127.0.0.1:1/north"), SimpleNamespace(), 60.0)  # type: ignore[arg-type]

@@ -8,11 +8,11 @@ from coastwatch.server.checkpoint import load, save
 
 M = TypeVar("M")
 
-EVERY = 5
+EVERY = 5  # cycles
 
 
 def is_checked(cycle: int) -> bool:
-    """Whether a test that plays many cycles resumes in this one: in one of five."""
+    """Whether a test that plays many cycles goes through a checkpoint in this one: in cycles 3, 8, 13, ..."""
     return cycle % EVERY == EVERY - 2
 
 
