@@ -20,7 +20,7 @@ from coastwatch.workers import open_workers
 
 pytestmark = pytest.mark.whole
 
-FAILS, RETURNS, ENDS = 120, 220, 280  # cycles of 3 s
+FAILS, RETURNS, ENDS = 80, 180, 215  # cycles of 3 s
 SILENT = ("ais_silent", "radar_silent", "source_silent")
 PARTS = {"ais": ("ais", "statics"), "radars": ("radar",), "all": ("ais", "statics", "radar", "bearing")}
 

@@ -178,9 +178,9 @@ def is_land(zoom: int, latitude: float, longitude: float) -> bool:
 
 @pytest.mark.parametrize("zoom", range(land_tiles.MOST_ZOOM + 1))
 def test_tiles_have_land_and_sea_where_natural_earth_has_them(zoom: int) -> None:
-    """Two pixels away from each shore. Beyond the last zoom the map enlarges its tiles, four times at zoom 12."""
+    """Two pixels away from each shore, at every second point. Beyond the last zoom the map enlarges its tiles, four times at zoom 12."""
     shown = zoom if zoom < land_tiles.MOST_ZOOM else 12
-    clear = [row for row in samples() if row[3] > 2.0 * pixel_km(shown, row[0])]
+    clear = [row for row in samples()[zoom % 2 :: 2] if row[3] > 2.0 * pixel_km(shown, row[0])]
     assert {row[2] for row in clear} == {False, True} or zoom < 3
     wrong = [(lat, lon, "land" if land else "sea") for lat, lon, land, _ in clear if is_land(zoom, lat, lon) is not land]
     assert wrong == []

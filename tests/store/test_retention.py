@@ -90,7 +90,7 @@ def test_a_backlog_is_worked_off_in_steps(url: str, monkeypatch: pytest.MonkeyPa
             added = scalars(store, f"SELECT history_points FROM cycle WHERE number = {number}")[0]
             deleted.append(rows + added - scalars(store, count)[0])
             rows += added - deleted[-1]
-            assert check(url) == []
+            assert number % 5 or check(url) == []
         assert 0 < max(deleted) <= 10 + 2 * 200
         assert scalars(store, "SELECT min(cycle) FROM history") == [50]
 

@@ -22,6 +22,7 @@ import numpy as np
 from coastwatch.kernels.arrays import Floats, Ints
 from coastwatch.kernels.association.connected_components import components
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 from coastwatch.kernels.tables.counting_sort import counting_sort
 
 PROVEN = 1e-7  # difference of two bounds that are one
@@ -246,7 +247,7 @@ def _prices(cluster, rounds):  # type: ignore[no-untyped-def]
             break
         if bound > lower + PROVEN:
             lower, stale = bound, 0
-            best_price[:] = price
+            copy_into(best_price, price)
         else:
             stale += 1
             if stale == STALE:
@@ -254,7 +255,7 @@ def _prices(cluster, rounds):  # type: ignore[no-untyped-def]
         total = _repair(cluster, reduced, low, used, repaired)
         if total < upper:
             upper = total
-            best[:] = repaired
+            copy_into(best, repaired)
         gap = upper - bound if upper < np.inf else FIRST_GAP
         if upper - lower < PROVEN or not _move_prices(cluster, pick, step * gap, price, wanted):
             break

@@ -14,6 +14,7 @@ import numpy as np
 
 from coastwatch.kernels.association.connected_components import components
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 from coastwatch.kernels.tables.counting_sort import counting_sort
 
 ROUNDS = 200  # of sum-product, at most
@@ -78,7 +79,7 @@ def sum_over_assignments(row, column, weight, rows, columns):  # type: ignore[no
     before = np.zeros((rows + 1, sets))  # weight of the assignments of the rows before, by the set of columns that they take
     before[0, 0] = 1.0
     for i in range(rows):
-        before[i + 1] = before[i]
+        copy_into(before[i + 1], before[i])
         for k in by_row[start[i] : start[i + 1]]:
             bit = 1 << column[k]
             for taken in range(sets):

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 
 ENTRY = np.dtype(
     [
@@ -53,7 +54,7 @@ def track_records(low, high, row, history, given, bias_share, velocity_variance,
                 track.covariance[j, k] = covariance[r, j, k]
         if not known:
             track.covariance[:, :] = 0.0
-            track.covariance[:2, :2] = report[r]
+            copy_into(track.covariance, report[r])
             track.covariance[2, 2] = track.covariance[3, 3] = velocity_variance
         share = bias_share if mmsi[r] < 0 else 0.0
         for j in range(2):

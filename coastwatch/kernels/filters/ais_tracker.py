@@ -14,6 +14,7 @@ from coastwatch.kernels.filters import imm
 from coastwatch.kernels.filters.kalman import EAST, EAST_RATE, MANOEUVRE, NORTH, NORTH_RATE, SIZE
 from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR, enu_offset, enu_rotation, from_enu, to_enu
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 
 MODELS = 3  # room in a row; fewer may be in use. One layout: numba caches code by the name of a record type, not by its size
 TRACK = np.dtype(
@@ -382,7 +383,7 @@ def measured(reports, rules):  # type: ignore[no-untyped-def]
     z, noise = np.zeros(4), np.zeros((4, 4))
     for m in range(len(reports)):
         d = _measure_velocity(reports[m], (1.0, 0.0, 0.0, 1.0), rules, z, noise)
-        covariance[m, :d, :d] = noise[:d, :d]
+        copy_into(covariance[m], noise[:d, :d])
         if d == 4:
             velocity[m, 0], velocity[m, 1] = z[2], z[3]
     return velocity, covariance
@@ -419,10 +420,10 @@ def _initialise(track, report, rules, models, z, noise):  # type: ignore[no-unty
     d = measure(track, report, rules, z, noise)
     for j in range(len(models)):
         track.mode_probability[j] = models[j].prior_probability
-        track.state[j, :4] = z
+        copy_into(track.state[j], z)
         track.state[j, MANOEUVRE] = 0.0
         track.covariance[j] = 0.0
-        track.covariance[j, :4, :4] = noise
+        copy_into(track.covariance[j], noise)
         track.covariance[j, MANOEUVRE, MANOEUVRE] = models[j].manoeuvre_sigma ** 2
         if d == 2:
             track.covariance[j, EAST_RATE, EAST_RATE] = rules.start_speed_variance
@@ -509,9 +510,9 @@ def estimates(tracks, rows, time, rules, models):  # type: ignore[no-untyped-def
     mean, spread = np.empty(SIZE), np.empty((SIZE, SIZE))
     for n in range(len(rows)):
         track = tracks[rows[n]]
-        state[:] = track.state[:j]
-        spreads[:] = track.covariance[:j]
-        mode[:] = track.mode_probability[:j]
+        copy_into(state, track.state[:j])
+        copy_into(spreads, track.covariance[:j])
+        copy_into(mode, track.mode_probability[:j])
         dt, drift_variance = _drift(track, time - track.updated, rules)
         imm.predict_filter(state, spreads, mode, models, dt, math.inf, work)
         imm.moments(state, spreads, mode, mean, spread)
@@ -519,7 +520,7 @@ def estimates(tracks, rows, time, rules, models):  # type: ignore[no-untyped-def
         rotate(mean, spread, enu_rotation(track.anchor_lat, track.anchor_lon, lat, lon))
         position[n, 0], position[n, 1] = lat, lon
         velocity[n, 0], velocity[n, 1] = mean[EAST_RATE], mean[NORTH_RATE]
-        covariance[n] = spread[:4, :4]
+        copy_into(covariance[n], spread[:4, :4])
         covariance[n, 0, 0] += drift_variance
         covariance[n, 1, 1] += drift_variance
     return position, velocity, covariance

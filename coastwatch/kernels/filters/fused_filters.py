@@ -14,6 +14,7 @@ import numpy as np
 from coastwatch.kernels.filters import imm, motion_models
 from coastwatch.kernels.filters.kalman import MANOEUVRE, SIZE
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 
 LONGEST = 60.0  # s without a decision on jumps: then a position decides
 OUTLIER = 16.0  # squared distance of a velocity that no alternative explains: it teaches nothing
@@ -53,8 +54,8 @@ def update(first, last, filters, measurements, begin, models, alternatives, evid
     for f in range(first, last):
         for m in range(begin[f], begin[f + 1]):
             dt = measured[m] - updated[f]
-            local[:] = z[m]
-            r[:] = noise[m]
+            copy_into(local, z[m])
+            copy_into(r, noise[m])
             if dt > 0.0:
                 imm.predict_filter(state[f], covariance[f], mode_probability[f], models, dt, math.inf, work)
                 updated[f] = measured[m]
@@ -163,9 +164,9 @@ def estimate(first, last, filters, time, models, mean, covariance):  # type: ign
     state, spread, mode = np.empty((len(models), SIZE)), np.empty((len(models), SIZE, SIZE)), np.empty(len(models))
     work = imm.workspace(len(models))
     for f in range(first, last):
-        state[:] = states[f]
-        spread[:] = covariances[f]
-        mode[:] = probabilities[f]
+        copy_into(state, states[f])
+        copy_into(spread, covariances[f])
+        copy_into(mode, probabilities[f])
         dt = max(time - updated[f], 0.0)
         imm.predict_filter(state, spread, mode, models, dt, math.inf, work)
         pending = max(time, updated[f]) - judged[f]

@@ -29,6 +29,7 @@ from coastwatch.kernels.filters import kalman, motion_models
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.kalman import EAST_RATE, LOG_TWO_PI, MANOEUVRE, NORTH_RATE, SIZE
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 
 FLOOR = 1e-12  # least mode probability, so that a model can recover and nothing is divided by 0
 
@@ -131,8 +132,8 @@ def mixing_probabilities(mode_probability, models, dt, mixing):  # type: ignore[
 def mix(state, covariance, mode_probability, models, dt, work):  # type: ignore[no-untyped-def]
     """Mix the models of a filter over dt as a Markov chain: each model becomes the moments of those it may have come from."""
     before, before_covariance, mixing = work.state, work.covariance, work.mixing
-    before[:] = state
-    before_covariance[:] = covariance
+    copy_into(before, state)
+    copy_into(before_covariance, covariance)
     mixing_probabilities(mode_probability, models, dt, mixing)
     for j in range(len(models)):
         moments(before, before_covariance, mixing[j], state[j], covariance[j])
@@ -239,8 +240,8 @@ def update_with_jumps(state, covariance, mode_probability, models, dt, z, noise,
     for j in range(len(models)):
         probability = 1.0 - math.exp(-models[j].jump_rate * dt)
         if probability > 0.0:
-            jumped[:] = state[j]
-            spread[:] = covariance[j]
+            copy_into(jumped, state[j])
+            copy_into(spread, covariance[j])
             motion_models.add_velocity_noise(spread, models[j].jump_variance, dt)
         determinant, distance = kalman.update(state[j], covariance[j], z, noise, root, gain, residual)
         steady = kalman.log_likelihood(determinant, distance, len(z))
@@ -318,9 +319,9 @@ def initialise_filters(filters, rows, position, noise, speed_variance, models): 
         state[n] = 0.0
         covariance[n] = 0.0
         for j in range(len(models)):
-            state[n, j, :2] = position[k]
+            copy_into(state[n, j], position[k])
             state[n, j, MANOEUVRE] = models[j].manoeuvre_mean
-            covariance[n, j, :2, :2] = noise[k]
+            copy_into(covariance[n, j], noise[k])
             covariance[n, j, EAST_RATE, EAST_RATE] = covariance[n, j, NORTH_RATE, NORTH_RATE] = speed_variance
             covariance[n, j, MANOEUVRE, MANOEUVRE] = models[j].manoeuvre_sigma ** 2
             mode[n, j] = models[j].prior_probability
@@ -369,11 +370,11 @@ def update_by_plots(filters, estimates, rows, plots, columns, renewal, models): 
     for k in range(len(rows)):
         n, m = rows[k], plots[k]
         dt = columns.time[m] - estimates.time[n]
-        z[:] = columns.position[m]
-        noise[:] = columns.covariance[m]
+        copy_into(z, columns.position[m])
+        copy_into(noise, columns.covariance[m])
         if dt > 0.0:
-            work.mean[:4] = estimates.mean[n]
-            work.spread[:4, :4] = estimates.covariance[n]
+            copy_into(work.mean, estimates.mean[n])
+            copy_into(work.spread, estimates.covariance[n])
             predict_from_moments(state[n], covariance[n], mode[n], models, dt, renewal, work)
             estimates.time[n] = columns.time[m]
         else:
@@ -396,13 +397,13 @@ def predicted_estimates(filters, estimates, rows, time, renewal, models):  # typ
     work = workspace(len(models))
     for k in range(count):
         n = rows[k]
-        one[:] = states[n]
-        one_spread[:] = covariances[n]
-        mode[:] = probabilities[n]
+        copy_into(one, states[n])
+        copy_into(one_spread, covariances[n])
+        copy_into(mode, probabilities[n])
         out.time[k] = max(time, estimates.time[n])
         if time > estimates.time[n]:
-            work.mean[:4] = estimates.mean[n]
-            work.spread[:4, :4] = estimates.covariance[n]
+            copy_into(work.mean, estimates.mean[n])
+            copy_into(work.spread, estimates.covariance[n])
             predict_from_moments(one, one_spread, mode, models, time - estimates.time[n], renewal, work)
         combine(one, one_spread, mode, models, k, out)
     return out

@@ -14,6 +14,7 @@ import numpy as np
 
 from coastwatch.kernels.arrays import Floats
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 
 STATE = 4  # east, north, east rate, north rate
 
@@ -46,8 +47,8 @@ def fixed_lag(steps, path):  # type: ignore[no-untyped-def]
             if later >= 0:
                 _step_back(steps, now, later, mean[t], covariance[t], gain, change)
             if later < 0 or not np.isfinite(mean[t].sum()):
-                mean[t] = steps.mean[now]
-                covariance[t] = steps.covariance[now]
+                copy_into(mean[t], steps.mean[now])
+                copy_into(covariance[t], steps.covariance[now])
             later = now
     return mean, covariance
 
@@ -84,7 +85,7 @@ def _step_back(steps, now, later, mean, covariance, gain, change):  # type: igno
                 total += change[a, c] * gain[b, c]
             covariance[a, b] = covariance[b, a] = total
     if not _is_positive(covariance, change):
-        covariance[:] = p
+        copy_into(covariance, p)
 
 
 @jit

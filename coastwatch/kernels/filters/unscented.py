@@ -17,6 +17,7 @@ import numpy as np
 
 from coastwatch.kernels.arrays import Floats
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 
 MODELS, SIZE, NOISES = 2, 5, 2
 CENTRE = 1.0 / 3.0  # weight of the middle point
@@ -115,8 +116,8 @@ def predict(model, mean, covariance, dt, noise):  # type: ignore[no-untyped-def]
     size = 4 + model
     both = size + NOISES
     joined, joint = np.zeros(both), np.zeros((both, both))
-    joined[:size] = mean[:size]
-    joint[:size, :size] = covariance[:size, :size]
+    copy_into(joined, mean[:size])
+    copy_into(joint, covariance[:size, :size])
     joint[size, size], joint[size + 1, size + 1] = noise[0] * dt, noise[1] * dt
     cloud = np.empty((2 * both + 1, both))
     points(joined, joint, both, cloud)

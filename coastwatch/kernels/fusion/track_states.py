@@ -11,6 +11,7 @@ Matrices are tuples, see `symmetric4`.
 
 from coastwatch.kernels.filters.symmetric4 import determinant, load, store
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 
 
 @jit
@@ -38,7 +39,7 @@ def copy_track(tracks, sigma, n, out, v):  # type: ignore[no-untyped-def]
     position, velocity, covariance, report_covariance, _ = tracks
     write(position[n, 0], position[n, 1], velocity[n, 0], velocity[n, 1], out, v)
     if is_finite(covariance, n):
-        out[2][v] = covariance[n]
+        copy_into(out[2][v], covariance[n])
     else:
         store(known_covariance(covariance, report_covariance, sigma, n), out[2], v)
 

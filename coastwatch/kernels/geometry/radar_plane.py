@@ -11,6 +11,7 @@ import numpy as np
 from coastwatch.geodesy import ECCENTRICITY2
 from coastwatch.kernels.geometry.ellipsoid import POLAR_STRETCH, SEMI_MAJOR, sine_cosine, to_enu
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 
 
 @jit
@@ -28,7 +29,7 @@ def to_region(radar, distance, azimuth, site, sigma, origin):  # type: ignore[no
     for k in range(len(radar)):
         r = radar[k]
         if site[k, 0] != known[r, 0] or site[k, 1] != known[r, 1]:
-            known[r] = site[k]
+            copy_into(known[r], site[k])
             _set_frame(site[k], origin[r], rotation[r], shift[r], drop[r])
         turn = rotation[r]
         sine, cosine, d = math.sin(azimuth[k]), math.cos(azimuth[k]), distance[k]

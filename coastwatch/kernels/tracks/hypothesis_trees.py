@@ -18,6 +18,7 @@ from coastwatch.kernels.filters import imm
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.smoothing import Steps
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 from coastwatch.kernels.tracks.existence import SURELY, after, missed
 
 TWO_PI = 2.0 * math.pi
@@ -96,11 +97,15 @@ def _copy(leaves, i, out, k):  # type: ignore[no-untyped-def]
     """Leaf k of out becomes leaf i."""
     out.slot[k], out.cost[k], out.misses[k], out.time[k] = leaves.slot[i], leaves.cost[i], leaves.misses[i], leaves.time[i]
     out.existence[k], out.visibility[k] = leaves.existence[i], leaves.visibility[i]
-    out.existence_time[k], out.noise[k] = leaves.existence_time[i], leaves.noise[i]
-    out.mmsi[k], out.plot[k], out.step[k] = leaves.mmsi[i], leaves.plot[i], leaves.step[i]
-    out.radar_time[k], out.mode[k] = leaves.radar_time[i], leaves.mode[i]
-    out.state[k], out.covariance[k] = leaves.state[i], leaves.covariance[i]
-    out.mean[k], out.spread[k] = leaves.mean[i], leaves.spread[i]
+    out.existence_time[k], out.noise[k], out.mmsi[k] = leaves.existence_time[i], leaves.noise[i], leaves.mmsi[i]
+    copy_into(out.plot[k], leaves.plot[i])
+    copy_into(out.step[k], leaves.step[i])
+    copy_into(out.radar_time[k], leaves.radar_time[i])
+    copy_into(out.mode[k], leaves.mode[i])
+    copy_into(out.state[k], leaves.state[i])
+    copy_into(out.covariance[k], leaves.covariance[i])
+    copy_into(out.mean[k], leaves.mean[i])
+    copy_into(out.spread[k], leaves.spread[i])
 
 
 @jit
@@ -130,22 +135,24 @@ def _take(leaves, k, m, look, columns, motion, work, step):  # type: ignore[no-u
     steps, a = step
     estimates = Estimates(leaves.time, leaves.mean, leaves.spread, leaves.noise)
     found = max(leaves.existence[k] * leaves.visibility[k] * look.detection, LEAST)
-    z[:] = columns.position[m]
-    noise[:] = columns.covariance[m]
+    copy_into(z, columns.position[m])
+    copy_into(noise, columns.covariance[m])
     state, covariance, mode, dt = leaves.state[k], leaves.covariance[k], leaves.mode[k], columns.time[m] - leaves.time[k]
     if dt > 0.0:
-        inside.mean[:4] = leaves.mean[k]
-        inside.spread[:4, :4] = leaves.spread[k]
+        copy_into(inside.mean, leaves.mean[k])
+        copy_into(inside.spread, leaves.spread[k])
         imm.predict_from_moments(state, covariance, mode, models, dt, renewal, inside)
         leaves.time[k] = columns.time[m]
         imm.combine(state, covariance, mode, models, k, estimates)
     else:
         imm.bring_forward(z, noise, -dt, leaves.mean[k], leaves.spread[k])
-    steps.predicted_mean[a] = leaves.mean[k]
-    steps.predicted_covariance[a] = leaves.spread[k]
+    copy_into(steps.predicted_mean[a], leaves.mean[k])
+    copy_into(steps.predicted_covariance[a], leaves.spread[k])
     log_likelihood = imm.update_filter(state, covariance, mode, z, noise, inside)
     imm.combine(state, covariance, mode, models, k, estimates)
-    steps.time[a], steps.mean[a], steps.covariance[a] = leaves.time[k], leaves.mean[k], leaves.spread[k]
+    steps.time[a] = leaves.time[k]
+    copy_into(steps.mean[a], leaves.mean[k])
+    copy_into(steps.covariance[a], leaves.spread[k])
     leaves.cost[k] -= math.log(found) + log_likelihood - math.log(look.nobody[m])
     leaves.existence[k], leaves.visibility[k], leaves.misses[k] = SURELY, 1.0, 0
     leaves.plot[k, -1], leaves.step[k, -1] = look.number + m, look.step + a
@@ -183,7 +190,7 @@ def promising(leaves, first, plot, look, columns, chain, motion, bounds):  # typ
                 _price(leaves, leaf, one, (first[leaf], first[leaf + 1], plot), look, columns, motion, work)
                 _miss(one, 0, look.detection)
                 every[high - low + leaf - i] = one.cost[0]
-            every[: high - low] = price[low:high]
+            copy_into(every, price[low:high])
             every.sort()
             keep[low:high] = price[low:high] <= min(every[bounds[0] - 1], every[0] + bounds[1]) + ROUNDING
         i = end
@@ -203,18 +210,18 @@ def _price(leaves, leaf, one, plots, look, columns, motion, work):  # type: igno
     for a in range(plots[0], plots[1]):
         m = plots[2][a]
         dt = columns.time[m] - leaves.time[leaf]
-        z[:] = columns.position[m]
-        noise[:] = columns.covariance[m]
+        copy_into(z, columns.position[m])
+        copy_into(noise, columns.covariance[m])
         if dt <= 0.0:
             imm.bring_forward(z, noise, -dt, leaves.mean[leaf], leaves.spread[leaf])
         if max(dt, 0.0) != at:
             at = max(dt, 0.0)
-            state[:] = leaves.state[leaf]
-            covariance[:] = leaves.covariance[leaf]
-            mode[:] = leaves.mode[leaf]
+            copy_into(state, leaves.state[leaf])
+            copy_into(covariance, leaves.covariance[leaf])
+            copy_into(mode, leaves.mode[leaf])
             if dt > 0.0:
-                inside.mean[:4] = leaves.mean[leaf]
-                inside.spread[:4, :4] = leaves.spread[leaf]
+                copy_into(inside.mean, leaves.mean[leaf])
+                copy_into(inside.spread, leaves.spread[leaf])
                 imm.predict_from_moments(state, covariance, mode, motion[1], dt, motion[0], inside)
         likelihood = 0.0
         for j in range(len(mode)):

@@ -13,6 +13,7 @@ import numpy as np
 from coastwatch.kernels.arrays import Floats
 from coastwatch.kernels.filters.unscented import COURSE, measured, predict, turn_round, wrapped
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 from coastwatch.kernels.tracks.polar_update import NEAR, SIGMAS, squared
 
 LEAST_DT = 0.1  # between two plots of one vessel
@@ -97,8 +98,8 @@ def _step(x, p, m, dt, plots, how):  # type: ignore[no-untyped-def]
         u, v, square, i00, i01, i11, _ = squared(plots.polar[m], plots.variance[m], predicted, spread)
     else:
         _predict_straight(x, p, max(dt, 0.0), rules.acceleration)
-        predicted[:] = x[:2]
-        cross[:] = p[:, :2]
+        copy_into(predicted, x[:2])
+        copy_into(cross, p[:, :2])
         sin, cos = math.sin(plots.polar[m, 1]), math.cos(plots.polar[m, 1])
         along, across = plots.variance[m, 0], plots.polar[m, 0] ** 2 * plots.variance[m, 1]
         ee, nn = p[0, 0] + along * sin * sin + across * cos * cos, p[1, 1] + along * cos * cos + across * sin * sin

@@ -17,6 +17,7 @@ from coastwatch.kernels.arrays import Floats, Ints
 from coastwatch.kernels.filters import imm
 from coastwatch.kernels.filters.kalman import SIZE
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 
 TWO_PI = 2.0 * math.pi
 LEAST = 1e-200  # of a likelihood: a plot at the edge of a wide gate is impossible for a model that is sure
@@ -54,16 +55,16 @@ def predict_to_plots(filters, estimates, hypotheses, columns, renewal, models): 
         for a in range(first, end):
             time = max(time, columns.time[hypotheses.plot[a]])
         if time > estimates.time[n]:
-            work.mean[:4] = estimates.mean[n]
-            work.spread[:4, :4] = estimates.covariance[n]
+            copy_into(work.mean, estimates.mean[n])
+            copy_into(work.spread, estimates.covariance[n])
             imm.predict_from_moments(state[n], covariance[n], mode[n], models, time - estimates.time[n], renewal, work)
             imm.combine(state[n], covariance[n], mode[n], models, n, estimates)
             estimates.time[n] = time
         for a in range(first, end):
             m = hypotheses.plot[a]
             z, noise = hypotheses.position[a], hypotheses.noise[a]
-            z[:] = columns.position[m]
-            noise[:] = columns.covariance[m]
+            copy_into(z, columns.position[m])
+            copy_into(noise, columns.covariance[m])
             if columns.time[m] < time:
                 imm.bring_forward(z, noise, time - columns.time[m], estimates.mean[n], estimates.covariance[n])
             for j in range(len(models)):

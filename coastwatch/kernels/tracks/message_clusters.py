@@ -13,6 +13,7 @@ import numpy as np
 from coastwatch.kernels.filters import imm
 from coastwatch.kernels.filters.kalman import SIZE
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 
 
 @jit
@@ -58,8 +59,8 @@ def run_through(filters, time, rows, measured, until, limit, renewal, models):  
         state, covariance, mode = states[k], covariances[k], modes[k]
         for m in range(rows[0][k], rows[1][k]):
             dt = measured[0][m] - time[k]
-            z[:] = measured[1][m]
-            noise[:] = measured[2][m]
+            copy_into(z, measured[1][m])
+            copy_into(noise, measured[2][m])
             if dt < 0.0:
                 imm.moments(state, covariance, mode, work.mean, work.spread)
                 imm.bring_forward(z, noise, -dt, work.mean, work.spread)
@@ -134,5 +135,5 @@ def _mix(state, covariance, own, others, rows, j, share, work):  # type: ignore[
         for a in range(SIZE):
             for b in range(SIZE):
                 spread[a, b] += weight * (others[1][row, j, a, b] + apart[a] * apart[b])
-    state[:] = mean
-    covariance[:] = spread
+    copy_into(state, mean)
+    copy_into(covariance, spread)

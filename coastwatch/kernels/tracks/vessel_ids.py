@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.copies import copy_into
 from coastwatch.kernels.tracks.columns import NAMES
 
 IDS = 1e9  # |V|: MMSI have nine digits
@@ -80,7 +81,7 @@ def update(ids, slot, start, mmsi, share, correct):  # type: ignore[no-untyped-d
     before, now = np.empty(NAMES + 2), np.empty(NAMES + 2)
     for t in range(len(slot)):
         name, probability = ids.name[slot[t]], ids.probability[slot[t]]
-        before[:] = probability
+        copy_into(before, probability)
         missed = 1.0
         for a in range(start[t], start[t + 1]):
             missed -= share[a]
