@@ -40,7 +40,7 @@ OF_RUN = {
 GAUGES = ("late_s", "store_waiting", "log_bytes")
 OF_RADAR = ("spokes", "spokes_lost", "parts_lost")
 RADAR_STATE = ("turn_s", "spokes_a_turn", "plots_a_turn", "threshold_db", "detection_probability", "false_plots_a_turn")
-OF_FEED = ("bytes", "records", "refused", "late", "dropped", "connections")
+OF_FEED = ("bytes", "records", "refused", "late", "before_run", "dropped", "connections")
 
 disable_created_metrics()  # type: ignore[no-untyped-call]  # a time for each counter that nobody asks for
 

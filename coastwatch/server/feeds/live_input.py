@@ -45,6 +45,9 @@ BEGIN_RECORDS, BEGIN_S = 10, 2.0
 AHEAD_OF_CYCLE_S = 60.0
 """With the clock of the feeds: a feed that is so far ahead of the cycle is not read for now, so that its sender waits."""
 
+RECORDED_S = 3600.0
+"""Who is further behind most likely sends a recording."""
+
 THROWN_WITHIN_S, LEAST_THROWN, THROWN_SHARE = 60.0, 10, 0.2
 """A feed is in trouble when so many of its reports in so long were thrown away, and this share; or so many and no other came."""
 
@@ -98,7 +101,8 @@ class _Feed:
         sentences, ahead_s = [], self.decoder.stamps.ahead_s
         if self.decoder.checked and abs(ahead_s) > FAR_AHEAD_S:
             sentence = f"its clock is {abs(ahead_s):.0f} s {'ahead' if ahead_s > 0.0 else 'behind'}"
-            sentences.append(sentence + (": the time of arrival is taken" if ahead_s > 0.0 else ""))
+            remedy = ": a recording needs --clock feeds" if ahead_s < -RECORDED_S else ""
+            sentences.append(sentence + (": the time of arrival is taken" if ahead_s > 0.0 else remedy))
         looks = list(self._looks)
         if looks:
             used, thrown, dropped, not_read = (looks[-1][k] - looks[0][k] for k in (1, 2, 3, 4))
