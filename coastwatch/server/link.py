@@ -118,6 +118,7 @@ class Link:
             "records": 0,
             "refused": 0,
             "late": 0,
+            "before_run": 0,
             "dropped": 0,
             "heard_s": self.heard_s or None,
             "silent_s": round(self.silent_s, 1),

@@ -144,6 +144,6 @@ def test_a_server_that_is_no_region_says_so(changing: Any) -> None:
 
 @pytest.mark.slow
 def test_killed_in_turn_a_region_and_its_centre_lose_and_repeat_no_cycle() -> None:
-    found = kill(4, 1, "guanabara", seed=1)
+    found = kill(4, 1, "guanabara", (), seed=1)
     assert is_right(found), found
     assert found["centre"]["largest_vessel_id"] >= 1

@@ -31,6 +31,7 @@ export class VideoPicture {
   radars = new Map(); // index to {begun, cells, changed, lat, lon, range, time, at}
   afterglow = 0; // share of its strength that an echo keeps each turn
   done = Promise.resolve(); // once every sector so far is in its texture
+  #cleared = 0; // how often: a sector that is inflated only after that is of a picture that is gone
 
   /** @param {() => void} told called when a sector is in its texture */
   constructor(told = () => {}) {
@@ -66,17 +67,19 @@ export class VideoPicture {
     if (head.kind !== SECTOR) throw new RefusedFrame(`video: got kind ${head.kind}, needed 1 or 5`);
     this.seq = head.seq;
     const inflated = inflate(new Uint8Array(message, HEADER_BYTES)); // several at a time, written in order
-    this.done = this.done.then(async () => this.#put(head, await inflated)).catch(() => {}); // a damaged one: the next turn has it again
+    const cleared = this.#cleared;
+    this.done = this.done.then(async () => this.#put(head, await inflated, cleared)).catch(() => {}); // a damaged one: the next turn has it again
     return AZIMUTHS;
   }
 
   clear() {
     this.seq = 0;
+    this.#cleared += 1;
     this.radars.clear();
   }
 
-  #put(head, octets) {
-    if (head.run !== this.run || octets.length !== SECTOR_CELLS / 2) return;
+  #put(head, octets, cleared) {
+    if (cleared !== this.#cleared || octets.length !== SECTOR_CELLS / 2) return;
     let radar = this.radars.get(head.radar);
     if (radar?.begun !== head.begun) {
       radar = { begun: head.begun, cells: new Uint8Array(SECTORS * SECTOR_CELLS), changed: new Set() };

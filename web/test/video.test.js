@@ -54,6 +54,18 @@ test('another range scale or run begins anew; what is late is written in its ord
   assert.deepEqual([picture.radars.size, picture.seq], [0, 0]);
 });
 
+test('a sector that is inflated after its picture was cleared is not drawn', async () => {
+  const picture = new VideoPicture();
+  picture.apply(greeting);
+  picture.apply(message());
+  picture.clear();
+  await picture.done;
+  assert.equal(picture.radars.size, 0);
+  picture.apply(message());
+  await picture.done;
+  assert.equal(picture.radars.size, 1);
+});
+
 test('another format, run or size is refused, and a damaged sector changes nothing', async () => {
   const picture = new VideoPicture();
   picture.apply(greeting);

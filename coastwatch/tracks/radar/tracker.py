@@ -7,12 +7,12 @@ from typing import Self, get_args
 from pydantic import model_validator
 
 from coastwatch.batches import Floats, Measurements, Messages, Sensors, Tracks
-from coastwatch.stage import Method
 from coastwatch.tracks.radar.association import Association, Jpda, MultiHypothesis, NearestNeighbour
 from coastwatch.tracks.radar.bank import Bank, Compiled, Particles
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import TrackManagement, Upkeep
 from coastwatch.tracks.radar.messages import Guiding, MessageUpdate, NoMessages, Sequential, messages_of
+from coastwatch.tracks.radar.method import RadarMethod
 from coastwatch.tracks.radar.motion import Manoeuvres, MotionModels
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.presets import TAGS, Name, expanded, settings_of
@@ -22,7 +22,7 @@ from coastwatch.tracks.radar.table import RadarMemory
 UPKEEP_OF = {part.model_fields["method"].default: part.upkeep for part in get_args(get_args(Association)[0])}
 
 
-class TableTracker(Method):
+class TableTracker(RadarMethod):
     """Tracks of the plots of a region, each in a slot of a table: an association, models of motion, messages and filters.
 
     A `method` other than `table` is the name of a choice of parts: `sided_imm`, `imm`, `filterpy_imm`, `vimmjipda`, `sided_vimmjipda`,
@@ -73,11 +73,6 @@ class TableTracker(Method):
         if isinstance(self.bank, Particles) and models != 1:
             raise ValueError(f"motion.models: got {models}, needed 1 with bank.method = 'particles'")
         return self
-
-    @property
-    def takes_video(self) -> bool:
-        """It takes plots."""
-        return False
 
     @property
     def holds_messages(self) -> bool:

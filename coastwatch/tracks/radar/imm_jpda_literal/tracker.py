@@ -13,16 +13,17 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Sensors, StandingEchoes, Tracks
+from coastwatch.batches import Bools, Floats, Ints, StandingEchoes
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.unscented import COURSE, MODELS, RATE, SPEED, MotionRules
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
 from coastwatch.kernels.tracks.initiation import StartRules
 from coastwatch.kernels.tracks.polar_update import PolarPlots
-from coastwatch.stage import Method, NotNegative, Positive, Probability
+from coastwatch.stage import NotNegative, Positive, Probability
 from coastwatch.tracks.radar.clutter import ClutterSettings, empty_map, false_plots_per_m2, learn
 from coastwatch.tracks.radar.imm_jpda_literal.memory import NEWEST, Confirmed, ImmJpdaMemory, Preliminary, Tentative
+from coastwatch.tracks.radar.method import RadarMethod
 from coastwatch.tracks.radar.plot_batches import cut, is_usable
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput
 from coastwatch.tracks.radar.report import Reported, report, report_measurements
@@ -49,7 +50,7 @@ class _Batch(NamedTuple):
     period_s: float
 
 
-class ImmJpdaLiteral(Method):
+class ImmJpdaLiteral(RadarMethod):
     """IMM of constant velocity and constant turn rate with unscented filters in course and speed; JPDA; M of N looks.
 
     Of a paper, for comparison.
@@ -89,22 +90,6 @@ class ImmJpdaLiteral(Method):
             if got > most:
                 raise ValueError(f"{hits}: got {got}, needed at most {looks} = {most}")
         return self
-
-    @property
-    def takes_video(self) -> bool:
-        """It takes plots."""
-        return False
-
-    @property
-    def holds_messages(self) -> bool:
-        """No AIS message is in the tracks."""
-        return False
-
-    def messages_of(
-        self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
-    ) -> Messages:
-        """None."""
-        return Messages.empty()
 
     def init(self) -> ImmJpdaMemory:
         """No track."""

@@ -27,8 +27,9 @@ from coastwatch.kernels.tracks.thesis_growth import (
     process_noise,
     report_score,
 )
-from coastwatch.stage import Count, CountOrZero, Method, NotNegative, Positive, Probability
+from coastwatch.stage import Count, CountOrZero, NotNegative, Positive, Probability
 from coastwatch.tracks.radar.messages import messages_of
+from coastwatch.tracks.radar.method import RadarMethod
 from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Decided, ForestMemory, Leaves
 from coastwatch.tracks.radar.multi_hypothesis_literal.initiation import InitiationSettings, begin
 from coastwatch.tracks.radar.plot_batches import is_usable
@@ -52,7 +53,7 @@ class _Taken(NamedTuple):
     row: Ints  # (M,) of the plots of the cycle
 
 
-class MultiHypothesisLiteral(Method, InitiationSettings):
+class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
     """Track-oriented multiple hypothesis tracking of plots and AIS reports, as in a thesis. Of a paper, for comparison.
 
     All plots of a radar in a cycle are one look at one time, so a cycle should be one turn of the radar.
@@ -76,11 +77,6 @@ class MultiHypothesisLiteral(Method, InitiationSettings):
     end_share: Positive = 0.8  # a track ends where its score a look is more than this share of that of a miss
     end_score: Positive = 3.0  # or where its score since its start is more than this number
     looks_apart: Count = 1  # a cycle without plots is a look after so many turns
-
-    @property
-    def takes_video(self) -> bool:
-        """It takes plots."""
-        return False
 
     @property
     def holds_messages(self) -> bool:

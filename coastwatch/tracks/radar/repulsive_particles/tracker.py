@@ -12,11 +12,12 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
+from coastwatch.batches import Floats, Ints, Measurements, Plots, StandingEchoes, Tracks
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
-from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
+from coastwatch.stage import Count, NotNegative, Positive, Probability
+from coastwatch.tracks.radar.method import RadarMethod
 from coastwatch.tracks.radar.plot_batches import is_usable
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput
 from coastwatch.tracks.radar.report import Reported, report
@@ -45,7 +46,7 @@ class _Look(NamedTuple):
     row: int
 
 
-class RepulsiveParticles(Method):
+class RepulsiveParticles(RadarMethod):
     """Particle filters of course and speed on radar video, one a vessel. It cannot part vessels nearer than 250 m.
 
     Of a paper, for comparison.
@@ -78,17 +79,6 @@ class RepulsiveParticles(Method):
     def takes_video(self) -> bool:
         """It takes video; plots only say where filters begin."""
         return True
-
-    @property
-    def holds_messages(self) -> bool:
-        """No AIS message is in the tracks."""
-        return False
-
-    def messages_of(
-        self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
-    ) -> Messages:
-        """None."""
-        return Messages.empty()
 
     def init(self) -> ParticlesMemory:
         """No filter."""
