@@ -38,6 +38,7 @@ class Choice(NamedTuple):
     leaf: Ints  # (T,) row of the leaf, -1: null
     cluster: Ints  # (T,)
     excess: Floats  # (C,) by which the cost of the cluster exceeds its lower bound: 0 where proven, infinite where no choice was found
+    price: Floats  # (resources,) of the best lower bound found; 0 where the cheapest leaves of a cluster share nothing
 
 
 class Cluster(NamedTuple):
@@ -62,31 +63,44 @@ def choose(start, cost, resource, resources, null, rounds, nodes):  # type: igno
     cluster = _clusters(start, resource, resources)
     clusters = cluster.max() + 1 if trees else 0
     leaf, contested = _cheapest(start, cost, resource, resources, null, cluster, clusters)
-    excess, number = np.zeros(clusters), np.full(resources, -1)
+    excess, number, price = np.zeros(clusters), np.full(resources, -1), np.zeros(resources)
     first, by_cluster = counting_sort(cluster, clusters)
     for c in range(clusters):
         if contested[c]:
             members = by_cluster[first[c] : first[c + 1]]
             problem = _problem(members, start, cost, resource, null, number)
-            pick, excess[c] = solve(problem, rounds, nodes)
+            pick, excess[c], of_problem = solve(problem, rounds, nodes)
             for k in range(len(members)):
                 leaf[members[k]] = problem.row[pick[k]] if pick[k] >= 0 else -1
-    return Choice(leaf, cluster, excess)
+            _write_prices(problem, of_problem, resource, price)
+    return Choice(leaf, cluster, excess, price)
+
+
+@jit
+def _write_prices(cluster, of_cluster, resource, price):  # type: ignore[no-untyped-def]
+    """Write the prices of the resources of a cluster among those of all, price. Args: of_cluster: by the numbers of the cluster."""
+    for i in range(len(cluster.row)):
+        if cluster.row[i] < 0:
+            continue
+        for m in range(resource.shape[1]):
+            r = cluster.resource[i, m]
+            if r >= 0:
+                price[resource[cluster.row[i], m]] = of_cluster[r]
 
 
 @jit
 def solve(cluster, rounds, nodes):  # type: ignore[no-untyped-def]
-    """The leaf of each tree of one cluster (K,), and the excess. Leaves are -1 if no choice was found. Args: cluster: Cluster."""
+    """The leaf of each tree of one cluster (K,), -1 if no choice was found; the excess; the prices. Args: cluster: Cluster."""
     pick, price, upper, lower = _prices(cluster, rounds)
     if upper - lower < PROVEN:
-        return pick, 0.0
+        return pick, 0.0, price
     upper, proven = _branch_and_bound(cluster, price, upper, pick, nodes)
     if proven:
-        return pick, 0.0 if upper < np.inf else np.inf
+        return pick, 0.0 if upper < np.inf else np.inf, price
     if upper < np.inf:
         upper = _exchange(cluster, pick, upper)
     excess = upper - lower
-    return pick, excess if excess > PROVEN else 0.0
+    return pick, excess if excess > PROVEN else 0.0, price
 
 
 @jit

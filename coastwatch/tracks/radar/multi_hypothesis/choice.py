@@ -12,6 +12,8 @@ from coastwatch.tracks.radar.leaves import Forest, Leaves
 from coastwatch.tracks.radar.table import Status
 
 WIDEST = 60.0  # of the cost of "no vessel"
+LEAST_STEP = 1e-9  # of costs: the chosen leaf is the cheapest of its tree
+CANDIDATES, WIDER = 4, 2.0  # times the leaves and the gap of those that stay: from so many leaves of a tree one is chosen
 TAKEN = 1e6  # added to the cost of a leaf whose plot another tree has
 
 
@@ -23,6 +25,11 @@ class Pruning(NamedTuple):
     score_gap: float
     price_rounds: int
     search_nodes: int
+
+    @property
+    def candidates(self) -> tuple[int, float]:
+        """How many leaves of a tree one is chosen from, and within which gap."""
+        return CANDIDATES * self.leaves, WIDER * self.score_gap
 
 
 class Pruned(NamedTuple):
@@ -39,23 +46,29 @@ def choose_and_prune(rules: Pruning, forest: Forest, leaves: Leaves, looked: Boo
     """Choose a leaf of each tree, and drop leaves that contradict what is final now, or cost too much.
 
     Of a tree that was looked at only the children of the oldest ancestor in the window of the chosen leaf stay. A plot that one tree has
-    for good is taken from all others. Writes the costs of "no vessel" and the count of lost choices of the forest.
+    for good is taken from all others. Of the rest the cheapest stay, each plot at the price of the global choice: by their costs alone,
+    ships close together would keep leaves that all share a plot, and nothing would be left to choose. Writes the costs of "no vessel" and
+    the count of lost choices of the forest.
     Args: leaves: grown from those of the forest; looked: (S,) trees that were looked at; status: (S,).
     """
     trees, start = kernels.tracks.hypothesis_trees, starts(leaves.slot)
-    kept = np.flatnonzero(trees.cheapest(start, leaves.cost, rules.leaves, rules.score_gap))
+    kept = np.flatnonzero(trees.cheapest(start, leaves.cost, *rules.candidates))
     cost, plot, of_slot = leaves.cost[kept], leaves.plot[kept], leaves.slot[kept]
     start = starts(of_slot)
     slot = of_slot[start[:-1]]
     null, seen, of = forest.null_cost[slot], looked[slot], np.repeat(np.arange(len(slot)), np.diff(start))
     number, plots = _numbered(plot)
-    chosen, displaced = _chosen(rules, cost, (number, plots), leaves.mmsi[kept], start, null)
+    chosen, displaced, priced = _chosen(rules, cost, (number, plots), leaves.mmsi[kept], start, null)
     forest.nulled[slot[seen]] = np.where(displaced, forest.nulled[slot] + 1, 0)[seen]
     final = plot[chosen, 0]
     keep = (plot[:, 0] == final[of]) | ~seen[of]
     decided = np.unique(final[seen & (final >= 0)])
     if len(decided):
         keep &= ~np.isin(plot[:, 1:], decided).any(axis=1)
+    keep[chosen] = True
+    priced[chosen] = _least(priced, start) - LEAST_STEP
+    first = np.append(0, np.cumsum(np.bincount(of[keep], minlength=len(slot))))
+    keep[keep] = trees.cheapest(first, priced[keep], rules.leaves, rules.score_gap)
     if (confirmed := status[slot] == Status.CONFIRMED).any():
         trees.drop_similar(start, leaves.columns, kept, number, plots, null, confirmed, keep)
     rows, start = trees.pruned(start, keep, chosen)
@@ -78,6 +91,11 @@ def starts(slot: Ints) -> Ints:
     return np.append(np.flatnonzero(np.diff(slot, prepend=-1)), len(slot))
 
 
+def _least(cost: Floats, start: Ints) -> Floats:
+    """The least cost of each tree. (T,) Args: cost: (L,); start: (T + 1,)."""
+    return np.asarray(np.minimum.reduceat(cost, start[:-1])) if len(cost) else cost
+
+
 def _numbered(plot: Ints) -> tuple[Ints, int]:
     """Plots by numbers from 0 on, in their order, and how many there are: a window may reach far back. Args: (L, W), -1: none."""
     held = plot >= 0
@@ -87,9 +105,12 @@ def _numbered(plot: Ints) -> tuple[Ints, int]:
     return out, len(numbers)
 
 
-def _chosen(rules: Pruning, cost: Floats, plots: tuple[Ints, int], mmsi: Ints, start: Ints, null: Floats) -> tuple[Ints, Bools]:
-    """The leaf of each tree in the global hypothesis (T,), and which trees lost it although their cheapest leaf is better than no vessel.
+def _chosen(
+    rules: Pruning, cost: Floats, plots: tuple[Ints, int], mmsi: Ints, start: Ints, null: Floats
+) -> tuple[Ints, Bools, Floats]:
+    """The global hypothesis: the leaf of each tree (T,), which trees have none there, and the costs of leaves with prices (L,).
 
+    A tree is listed as without one if its cheapest leaf is better than no vessel.
     A tree without a leaf there has its cheapest one whose newest plot no other tree has.
 
     Args: cost: (L,), mmsi: (L,), all of the leaves; plots: as of `_numbered`.
@@ -109,5 +130,6 @@ def _chosen(rules: Pruning, cost: Floats, plots: tuple[Ints, int], mmsi: Ints, s
     taken[-1] = False  # of leaves without a plot
     cheapest = kernels.tracks.hypothesis_trees.cheapest
     free = np.flatnonzero(cheapest(start, cost + np.where(taken[resource[:, -1]], TAKEN, 0.0), 1, 0.0))
-    displaced: Bools = ~has & (np.minimum.reduceat(cost, start[:-1]) < null if len(null) else has)
-    return np.where(has, choice.leaf, free), displaced
+    displaced: Bools = ~has & (_least(cost, start) < null)
+    price = np.append(choice.price, 0.0)[resource].sum(axis=1)  # the last: of no plot
+    return np.where(has, choice.leaf, free), displaced, cost + price

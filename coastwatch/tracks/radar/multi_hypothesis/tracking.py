@@ -69,7 +69,7 @@ class MultiHypothesis(Settings):
         unseen_s, trees = np.full(len(before_s), -np.inf), forest.trees()
         lone = np.zeros(len(batch.time), np.bool_)
         look = Look(radar, period_s, detection, unseen_s, before_s, nobody, lone, forest.next_plot, trees.steps)
-        grown, steps = _grown(parts, forest, trees, batch, look, (table.status, self.leaves, self.score_gap))
+        grown, steps = _grown(parts, forest, trees, batch, look, (table.status, *self._pruning.candidates))
         looked = np.isfinite(look.time)
         grown = with_linked(forest, trees, grown, looked)
         pruned = choose_and_prune(self._pruning, forest, grown, looked, table.status)
@@ -163,7 +163,7 @@ def _grown(
     """The children of the leaves of trees with a plot in a gate, and the steps of their filters.
 
     The time of the look of each tree, and which plots are alone, are written into `look`.
-    Args: bounds: status of each slot (S,), leaves of a tree that stay, and their gap.
+    Args: bounds: status of each slot (S,), leaves of a tree that one is chosen from, and their gap.
     """
     status, most, gap = bounds
     leaves, rules = forest.leaves, parts.existence
