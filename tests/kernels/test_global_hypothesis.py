@@ -120,6 +120,26 @@ def test_clusters_do_not_see_each_other():
     assert np.array_equal(both.leaf, np.concatenate([apart[0], shifted]))
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_prices_bound_the_cost_from_below(seed):
+    """Weak duality: each tree takes its cheapest leaf at these prices, and all resources are sold."""
+    start, cost, resource = forest(seed, 6, 9, 5)
+    null = np.zeros(6)
+    found = choose(start, cost, resource, 5, null, ROUNDS, NODES)
+    priced = cost + np.append(found.price, 0.0)[resource].sum(axis=1)
+    bound = np.minimum(np.minimum.reduceat(priced, start[:-1]), null).sum() - found.price.sum()
+    without_prices = np.minimum(np.minimum.reduceat(cost, start[:-1]), null).sum()
+    assert (found.price >= 0.0).all()
+    assert without_prices - 1e-9 <= bound <= cost_of(found.leaf, cost, null) + 1e-9
+
+
+def test_a_resource_that_two_trees_want_has_the_price_of_the_one_that_loses_it():
+    start, cost, resource = np.array([0, 2, 4]), np.array([-9.0, -4.0, -9.0, -7.0]), np.array([[0], [-1], [0], [-1]])
+    found = choose(start, cost, resource, 1, np.zeros(2), ROUNDS, NODES)
+    assert found.leaf.tolist() == [0, 3]
+    assert 2.0 - 1e-6 <= found.price[0] <= 5.0 + 1e-6
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_large_clusters_are_close_to_the_program(seed):
     """As 44 to 50 vessels that meet: each tree has 20 leaves with plots of three looks."""
