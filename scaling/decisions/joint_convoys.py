@@ -42,8 +42,8 @@ CASES: dict[str, dict[str, str]] = {
     "open sea": {"input.radar.detection_probability": "0.6", "input.radar.clutter_per_m2": "2e-6"},
 }
 METHODS: dict[str, dict[str, str]] = {
-    "sided_imm": {"tracks.method": "sided_imm"},
-    "guided_vimmjipda": {"tracks.method": "guided_vimmjipda"},
+    "sided_imm": {"tracks.method": "sided_imm", "tracks.plot_origin": "estimated"},
+    "guided_vimmjipda": {"tracks.plot_origin": "estimated"},  # the scenario's own; AIS says which plots are likely
     "sided_vimmjipda": {"tracks.method": "sided_vimmjipda"},
     "vimmjipda": {"tracks.method": "vimmjipda"},
     "multi_hypothesis": {"tracks.method": "multi_hypothesis", "tracks.messages.method": "none"},
