@@ -94,11 +94,23 @@ def test_pieces_of_a_hull_are_one_plot_with_the_moments_of_the_whole():
     )
     found = joined(given, hulls((0.0, 1000.0, 300.0, 42.0, 90.0, -1.4)), np.array([PERIOD_S]))
     assert len(found) == 3
-    np.testing.assert_allclose(found.position_m, [[0.0, 1000.0], [0.0, 1120.0], [75.0, 1000.0]], atol=1e-9)
+    np.testing.assert_allclose(found.position_m, [[0.0, 1000.0], [0.0, 1120.0], [0.0, 1000.0]], atol=1e-9)
     np.testing.assert_allclose(found.extent[0], moments(300.0, 42.0, 90.0), atol=1e-6)
     assert found.weight.tolist() == [20.0, 5.0, 10.0]
     assert found.time_s[0] == pytest.approx(1.05)
     assert found.covariance[0, 0, 0] == pytest.approx(36.0 + 0.1 * 75.0**2)
+
+
+@pytest.mark.parametrize(("length", "off", "moved"), [(60.0, -100.0, 0.0), (60.0, -140.0, -20.0), (300.0, 30.0, 30.0)])
+def test_a_part_of_a_hull_leaves_it_where_it_was_as_far_as_the_part_is_inside(length, off, moved):
+    """As where a nearer ship hides the other end. Range and azimuth are of the same place; along the hull it is less certain."""
+    hull = hulls((0.0, 1000.0, 300.0, 42.0, 90.0, -1.4))
+    found = joined(plots([0.0], [[off, 1000.0]], [moments(length, 42.0, 90.0)], [9.0]), hull, np.array([PERIOD_S]))
+    np.testing.assert_allclose(found.position_m, [[moved, 1000.0]], atol=1e-9)
+    at = found.range_m * np.array([np.sin(found.azimuth_rad), np.cos(found.azimuth_rad)]).T
+    np.testing.assert_allclose(at, found.position_m, atol=12.0)  # of a circle and its tangent
+    hidden = 0.5 * (300.0 - length)
+    np.testing.assert_allclose(found.covariance[0], np.diag([36.0 + hidden**2 / 3.0, 36.0]), atol=1e-6)
 
 
 def test_a_piece_of_a_look_that_gave_a_plot_before_is_left_out():
@@ -110,7 +122,7 @@ def test_a_piece_of_a_look_that_gave_a_plot_before_is_left_out():
 
 def test_of_several_hulls_around_it_the_longest_has_a_piece_and_nothing_is_joined_without_extents():
     one, other = (0.0, 1000.0, 300.0, 42.0, 90.0, -9.0), (100.0, 1000.0, 100.0, 42.0, 90.0, -9.0)
-    given = plots([1.0, 1.1], [[-80.0, 1000.0], [100.0, 1000.0]], [moments(90.0, 30.0, 90.0)] * 2, [1.0, 3.0])
+    given = plots([1.0, 1.1], [[-80.0, 1000.0], [100.0, 1000.0]], [moments(135.0, 30.0, 90.0)] * 2, [1.0, 3.0])
     found = joined(given, hulls(other, one), np.array([PERIOD_S]))
     np.testing.assert_allclose(found.position_m, [[55.0, 1000.0]])
     unknown = plots([1.0, 1.1], [[-80.0, 1000.0], [100.0, 1000.0]], np.full((2, 3), np.nan), [1.0, 3.0])

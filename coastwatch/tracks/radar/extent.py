@@ -86,7 +86,8 @@ def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> Plots:
     """The plots, with the pieces that one radar saw of one hull in one look as one plot. (M'), M' <= M
 
     A piece in several hulls is of the longest. Weights, moments and positions add up. Pieces that together are longer than the longest
-    ship stay apart. A piece is left out where the track took a plot of this look before: the end of a cycle cut the hull.
+    ship stay apart. A piece is left out where the track took a plot of this look before: the end of a cycle cut the hull. A plot that is
+    shorter than its hull is a part of it, e.g. because a nearer ship hides the rest: the hull is where it was, if the part is inside.
     Args: plots: (M); hulls: (N); period_s: (R,) seconds of one turn of each radar.
     """
     measured = np.flatnonzero(np.isfinite(plots.extent[:, 0]) & (plots.weight > 0.0))
@@ -111,6 +112,7 @@ def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> Plots:
     fits = axes(together.extent)[0] <= LONGEST_M
     keep[row[~first & fits[group]]] = False
     whole = replace(plots, **{name: getattr(plots, name).copy() for name in SUMMED})
+    together = _with_hidden_ends(together, hulls, hull[first])
     for name in SUMMED:
         getattr(whole, name)[row[first][fits]] = getattr(together, name)[fits]
     return whole.take(keep)
@@ -189,6 +191,30 @@ def _inside(plots: Plots, measured: Ints, hulls: Hulls) -> tuple[Ints, Ints]:
     best = np.ones(len(row), np.bool_)
     best[1:] = row[1:] != row[:-1]
     return row[best], hull[best]
+
+
+def _with_hidden_ends(plots: Plots, hulls: Hulls, hull: Ints) -> Plots:
+    """Plots that are shorter than their hulls, moved along these to the middle, by the hidden length at most. (K)
+
+    The echo may be any part of the hull, so that its middle says nothing of that of the hull within half the hidden length.
+    Args: hull: (K,) of each plot.
+    """
+    length, _, angle = axes(hulls.extent[hull])
+    ahead = np.column_stack([np.sin(angle), np.cos(angle)])
+    moments = plots.extent[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    seen = np.sqrt(LENGTH_OF_MOMENT * np.maximum(np.einsum("ki,kij,kj->k", ahead, moments, ahead), 0.0))
+    slack = 0.5 * np.maximum(length - seen, 0.0)
+    off_m = plots.position_m - hulls.state[hull, :2]
+    off_m -= (plots.time_s - hulls.time_s[hull])[:, None] * hulls.state[hull, 2:]
+    moved = -np.clip((off_m * ahead).sum(axis=1), -slack, slack)[:, None] * ahead
+    towards = (plots.position_m - plots.site_m) / plots.range_m[:, None]
+    return replace(
+        plots,
+        position_m=plots.position_m + moved,
+        covariance=plots.covariance + (slack**2 / 3.0)[:, None, None] * (ahead[:, :, None] * ahead[:, None, :]),
+        range_m=plots.range_m + (moved * towards).sum(axis=1),
+        azimuth_rad=plots.azimuth_rad + (moved[:, 0] * towards[:, 1] - moved[:, 1] * towards[:, 0]) / plots.range_m,
+    )
 
 
 def _sums(pieces: Plots, group: Ints, first: Bools) -> Plots:
