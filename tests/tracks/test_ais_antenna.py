@@ -60,7 +60,7 @@ def sizes(time_s, rows):
 
 LARGE, SMALL, UNSAID = (
     (235000003, 280.0, 20.0, 30.0, 12.0),
-    (235000002, 20.0, 4.0, 3.0, 3.0),
+    (235000002, 7.0, 2.0, 1.5, 1.5),
     (235000001, 0.0, 300.0, 0.0, 42.0),
 )
 
@@ -70,7 +70,7 @@ def moved(found):
 
 
 def test_a_large_ship_moves_to_its_middle_by_its_heading_over_a_minute():
-    """130 m ahead and 9 m to port; a small ship, and one that does not say where its antenna is, stay."""
+    """130 m ahead and 9 m to port; a boat of 9 m, and a ship that does not say where its antenna is, stay."""
     method = HullMiddle()
     memory, found = method.step(method.init(), (reports(0.0, [235000003], [90.0]), sizes(0.0, [LARGE, SMALL, UNSAID]), 0.0))
     np.testing.assert_allclose(moved(found), 0.0, atol=1e-6)

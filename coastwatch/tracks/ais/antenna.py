@@ -48,7 +48,7 @@ class HullMiddle(Method):
     """
 
     method: Literal["hull_middle"] = "hull_middle"
-    from_m: Positive = 50.0  # length of the smallest ship whose positions are moved
+    from_m: Positive = 10.0  # length of the smallest ship whose positions are moved
     ramp_s: Positive = 60.0  # over which they move
 
     def init(self) -> Antennas:
