@@ -43,7 +43,10 @@ CASES: dict[str, dict[str, str]] = {
 }
 METHODS: dict[str, dict[str, str]] = {
     "sided_imm": {"tracks.method": "sided_imm", "tracks.plot_origin": "estimated"},
-    "guided_vimmjipda": {"tracks.plot_origin": "estimated"},  # the scenario's own; AIS says which plots are likely
+    "guided_vimmjipda": {
+        "tracks.method": "guided_vimmjipda",
+        "tracks.plot_origin": "estimated",
+    },  # AIS says which plots are likely
     "sided_vimmjipda": {"tracks.method": "sided_vimmjipda"},
     "vimmjipda": {"tracks.method": "vimmjipda"},
     "multi_hypothesis": {"tracks.method": "multi_hypothesis", "tracks.messages.method": "none"},

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from radar_world import two_radars
+from radar_world import ORIGIN_DEG, two_radars
 
 from coastwatch.batches import Messages, Plots
-from coastwatch.geodesy import difference_m, from_plane, wrap_deg
+from coastwatch.geodesy import difference_m, from_plane, to_plane, wrap_deg
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import RegionInput, TableTracker
 from coastwatch.tracks.radar.extent import Hulls, averaged, axes, echoes_of, joined
@@ -101,16 +101,54 @@ def test_pieces_of_a_hull_are_one_plot_with_the_moments_of_the_whole():
     assert found.covariance[0, 0, 0] == pytest.approx(36.0 + 0.1 * 75.0**2)
 
 
-@pytest.mark.parametrize(("length", "off", "moved"), [(60.0, -100.0, 0.0), (60.0, -140.0, -20.0), (300.0, 30.0, 30.0)])
-def test_a_part_of_a_hull_leaves_it_where_it_was_as_far_as_the_part_is_inside(length, off, moved):
-    """As where a nearer ship hides the other end. Range and azimuth are of the same place; along the hull it is less certain."""
+@pytest.mark.parametrize(
+    ("length", "off", "moved", "hidden"),
+    [(120.0, -60.0, 0.0, 90.0), (120.0, -130.0, -40.0, 90.0), (300.0, 30.0, 30.0, 0.0), (60.0, 60.0, 60.0, 0.0)],
+)
+def test_a_part_of_a_hull_leaves_it_where_it_was_as_far_as_the_part_is_inside(length, off, moved, hidden):
+    """As where a nearer ship hides the other end. What is a fifth of the hull may be a boat and stays."""
     hull = hulls((0.0, 1000.0, 300.0, 42.0, 90.0, -1.4))
     found = joined(plots([0.0], [[off, 1000.0]], [moments(length, 42.0, 90.0)], [9.0]), hull, np.array([PERIOD_S]))
     np.testing.assert_allclose(found.position_m, [[moved, 1000.0]], atol=1e-9)
-    at = found.range_m * np.array([np.sin(found.azimuth_rad), np.cos(found.azimuth_rad)]).T
-    np.testing.assert_allclose(at, found.position_m, atol=12.0)  # of a circle and its tangent
-    hidden = 0.5 * (300.0 - length)
+    at = found.range_m * np.array([np.sin(found.azimuth_rad), np.cos(found.azimuth_rad)])
+    np.testing.assert_allclose(at.T, found.position_m, atol=1e-9)
     np.testing.assert_allclose(found.covariance[0], np.diag([36.0 + hidden**2 / 3.0, 36.0]), atol=1e-6)
+    kept = 0.75 if hidden else 0.0
+    want = kept * moments(300.0, 42.0, 90.0) + (1.0 - kept) * moments(length, 42.0, 90.0)
+    np.testing.assert_allclose(found.extent[0], want, atol=1e-6)
+
+
+def test_both_ends_of_a_hull_give_its_middle_whatever_their_strength():
+    hull = hulls((10.0, 1000.0, 300.0, 42.0, 90.0, -1.4))
+    ends = plots(
+        [0.0, 0.0],
+        [[-100.0, 1000.0], [140.0, 1000.0]],
+        [moments(100.0, 42.0, 90.0), moments(20.0, 42.0, 90.0)],
+        [10.0, 1.0],
+    )
+    found = joined(ends, hull, np.array([PERIOD_S]))
+    np.testing.assert_allclose(found.position_m, [[0.0, 1000.0]], atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["sided_imm", "guided_vimmjipda", "multi_hypothesis"])
+def test_a_ship_hidden_in_part_for_a_minute_keeps_its_track_place_and_length(method):
+    """300 m at 5 m/s; for 20 turns of 4 s the foremost 120 m are seen alone, which lie 90 m before the middle."""
+    tracker, sensors, ids = TableTracker(method=method), two_radars(), set()
+    sensors = replace(sensors, radars=replace(sensors.radars, beam_rad=np.full(2, np.radians(1.0))))
+    memory, period_s, rng = tracker.init(), float(sensors.radars.period_s[0]), np.random.default_rng(7)
+    for turn in range(40):
+        now_s, hidden = 1.7e9 + turn * period_s, 15 <= turn < 35
+        middle = np.array([1500.0 + 5.0 * turn * period_s, 1500.0])
+        seen = middle + np.array([90.0 * hidden, 0.0]) + rng.normal(0.0, 4.0, 2)
+        given = plots([now_s], [seen], [moments(120.0 if hidden else 300.0, 42.0, 90.0)], [20.0])
+        memory, out = tracker.step(memory, RegionInput.of_plots(given, now_s, sensors))
+        if turn >= 12:
+            off_m = to_plane(out.tracks.position_deg, ORIGIN_DEG) - middle
+            assert len(off_m) == 1
+            assert np.abs(off_m).max() < 30.0
+            assert out.tracks.echo_length_m[0] > 200.0
+            ids |= set(out.tracks.track_id.tolist())
+    assert len(ids) == 1
 
 
 def test_a_piece_of_a_look_that_gave_a_plot_before_is_left_out():
@@ -124,7 +162,7 @@ def test_of_several_hulls_around_it_the_longest_has_a_piece_and_nothing_is_joine
     one, other = (0.0, 1000.0, 300.0, 42.0, 90.0, -9.0), (100.0, 1000.0, 100.0, 42.0, 90.0, -9.0)
     given = plots([1.0, 1.1], [[-80.0, 1000.0], [100.0, 1000.0]], [moments(135.0, 30.0, 90.0)] * 2, [1.0, 3.0])
     found = joined(given, hulls(other, one), np.array([PERIOD_S]))
-    np.testing.assert_allclose(found.position_m, [[55.0, 1000.0]])
+    np.testing.assert_allclose(found.position_m, [[10.0, 1000.0]])
     unknown = plots([1.0, 1.1], [[-80.0, 1000.0], [100.0, 1000.0]], np.full((2, 3), np.nan), [1.0, 3.0])
     assert len(joined(unknown, hulls(other, one), np.array([PERIOD_S]))) == 2
 

@@ -68,7 +68,8 @@ export class VideoPicture {
     this.seq = head.seq;
     const inflated = inflate(new Uint8Array(message, HEADER_BYTES)); // several at a time, written in order
     const cleared = this.#cleared;
-    this.done = this.done.then(async () => this.#put(head, await inflated, cleared)).catch(() => {}); // a damaged one: the next turn has it again
+    const put = async () => this.#put(head, await inflated, cleared);
+    this.done = this.done.then(put).catch(() => {}); // a damaged one: the next turn has it again
     return AZIMUTHS;
   }
 

@@ -10,7 +10,8 @@ from coastwatch.kernels.jit import jit
 def copy_into(target: Array, source: Array) -> None:
     """Copy an array of one to three axes to the beginning of each axis of another one.
 
-    As `target[:n] = source`, whose check of shapes and of overlap numba takes six times as long to compile. Nothing is checked here.
+    As `target[:n] = source`, whose check of shapes and of overlap numba takes six times as long to compile. Nothing is checked here:
+    a source that is larger than the target is written past its end.
     """
     if source.ndim == 1:
         for i in range(source.shape[0]):

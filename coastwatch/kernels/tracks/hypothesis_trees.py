@@ -172,7 +172,7 @@ def _reach(leaves, k, look, n, chain):  # type: ignore[no-untyped-def]
 def promising(leaves, first, plot, look, columns, chain, motion, bounds):  # type: ignore[no-untyped-def]
     """Which plots of which leaves may be among the cheapest children of their tree, (A,): the others need no filter.
 
-    Args: as of `grow`; motion: renewal and models; bounds: leaves of a tree that stay, and their gap, as of `cheapest`.
+    Args: as of `grow`; motion: renewal and models; bounds: leaves of a tree that one is chosen from, and their gap, as of `cheapest`.
     """
     keep, price, one = np.ones(len(plot), np.bool_), np.empty(len(plot)), _empty(leaves, 1)
     work = imm.workspace(len(motion[1])), np.empty(2), np.empty((2, 2)), price

@@ -45,9 +45,6 @@ BEGIN_RECORDS, BEGIN_S = 10, 2.0
 AHEAD_OF_CYCLE_S = 60.0
 """With the clock of the feeds: a feed that is so far ahead of the cycle is not read for now, so that its sender waits."""
 
-RECORDED_S = 3600.0
-"""Who is further behind most likely sends a recording."""
-
 THROWN_WITHIN_S, LEAST_THROWN, THROWN_SHARE = 60.0, 10, 0.2
 """A feed is in trouble when so many of its reports in so long were thrown away, and this share; or so many and no other came."""
 
@@ -72,8 +69,8 @@ class _Feed:
         self.inbox, self.decoder = inbox, decoder
         self.began_s = now_s()
         self.items: list[Item] = []  # received and not yet decoded
-        # Of the last minute: when, records used, thrown away, datagrams or lines dropped, and records refused.
-        self._looks: deque[tuple[float, int, int, int, int]] = deque()
+        # Of the last minute: when, records used, late, of before the run, datagrams or lines dropped, and records refused.
+        self._looks: deque[tuple[float, int, int, int, int, int]] = deque()
         self._video = VideoHealth(decoder.counts.radars)
 
     @property
@@ -89,9 +86,9 @@ class _Feed:
     def look(self) -> None:
         """Note the counts, for `troubles`."""
         at_s, counts = now_s(), self.decoder.counts
-        thrown, dropped = counts.late + counts.before_run, self.inbox.dropped + counts.dropped
+        dropped = self.inbox.dropped + counts.dropped
         not_read = sum(fault.count for fault in refused(self.decoder.tally.faults()))
-        self._looks.append((at_s, counts.records, thrown, dropped, not_read))
+        self._looks.append((at_s, counts.records, counts.late, counts.before_run, dropped, not_read))
         while self._looks[0][0] < at_s - THROWN_WITHIN_S:
             self._looks.popleft()
         self._video.look(at_s)
@@ -101,11 +98,11 @@ class _Feed:
         sentences, ahead_s = [], self.decoder.stamps.ahead_s
         if self.decoder.checked and abs(ahead_s) > FAR_AHEAD_S:
             sentence = f"its clock is {abs(ahead_s):.0f} s {'ahead' if ahead_s > 0.0 else 'behind'}"
-            remedy = ": a recording needs --clock feeds" if ahead_s < -RECORDED_S else ""
-            sentences.append(sentence + (": the time of arrival is taken" if ahead_s > 0.0 else remedy))
+            sentences.append(sentence + (": the time of arrival is taken" if ahead_s > 0.0 else ""))
         looks = list(self._looks)
         if looks:
-            used, thrown, dropped, not_read = (looks[-1][k] - looks[0][k] for k in (1, 2, 3, 4))
+            used, late, before_run, dropped, not_read = (looks[-1][k] - looks[0][k] for k in range(1, 6))
+            thrown = late + before_run
             if not used and not_read >= LEAST_THROWN:
                 most = max(refused(self.decoder.tally.faults()), key=lambda fault: fault.count)
                 why = f"{most.kind}: {most.example}" if most.example else most.kind
@@ -113,8 +110,10 @@ class _Feed:
             if dropped:
                 sentences.append(f"{dropped} lines, datagrams or reports were dropped in the last minute: too long, or no room")
             if thrown >= LEAST_THROWN and thrown > THROWN_SHARE * (thrown + used):
-                sentence = f"{thrown} of {thrown + used} reports of the last minute were thrown away"
-                sentences.append(f"{sentence}: they came after their cycle, or are from before the run began")
+                why = "they came after their cycle"
+                if before_run > late:
+                    why = "they are from before the run began. A recording needs --clock feeds"
+                sentences.append(f"{thrown} of {thrown + used} reports of the last minute were thrown away: {why}")
         return sentences
 
     def counters(self) -> FeedState:

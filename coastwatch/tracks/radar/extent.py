@@ -20,6 +20,13 @@ WIDER, BEYOND_M = 1.15, 15.0  # a piece is inside so much more of the half axes,
 UNDER_WAY_M_S = KNOT_M_S  # a slower ship has an axis, but no heading
 LONGEST_M = 460.0  # no ship is longer
 IN_LINE_RAD, ALIKE_M_S = np.radians(30.0), 1.5  # of two ends of one ship
+LEAST_PART, MOST_PART = (
+    0.3,
+    0.75,
+)  # of the length of a hull: what is shorter may be another vessel, what is longer measures the hull
+OF_PART = (
+    0.25  # weight of the size of a part beside that of a whole hull: a hull measured too long still shrinks, in a minute or two
+)
 GLINT = 0.1  # share of the second moment that is in the variance of a plot, as in `plots.video`
 
 
@@ -86,8 +93,8 @@ def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> Plots:
     """The plots, with the pieces that one radar saw of one hull in one look as one plot. (M'), M' <= M
 
     A piece in several hulls is of the longest. Weights, moments and positions add up. Pieces that together are longer than the longest
-    ship stay apart. A piece is left out where the track took a plot of this look before: the end of a cycle cut the hull. A plot that is
-    shorter than its hull is a part of it, e.g. because a nearer ship hides the rest: the hull is where it was, if the part is inside.
+    ship stay apart. A piece is left out where the track took a plot of this look before: the end of a cycle cut the hull. What is shorter
+    than its hull is a part of it, e.g. because a nearer ship hides the rest: the hull is where it was, if the part is inside.
     Args: plots: (M); hulls: (N); period_s: (R,) seconds of one turn of each radar.
     """
     measured = np.flatnonzero(np.isfinite(plots.extent[:, 0]) & (plots.weight > 0.0))
@@ -112,7 +119,7 @@ def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> Plots:
     fits = axes(together.extent)[0] <= LONGEST_M
     keep[row[~first & fits[group]]] = False
     whole = replace(plots, **{name: getattr(plots, name).copy() for name in SUMMED})
-    together = _with_hidden_ends(together, hulls, hull[first])
+    together = _parts_of_hulls(together, _ends(plots.take(row), hulls, hull, first), hulls, hull[first])
     for name in SUMMED:
         getattr(whole, name)[row[first][fits]] = getattr(together, name)[fits]
     return whole.take(keep)
@@ -180,8 +187,7 @@ def _inside(plots: Plots, measured: Ints, hulls: Hulls) -> tuple[Ints, Ints]:
         cKDTree(at_m), float(reach_m.max()), output_type="ndarray"
     )
     row, hull = measured[near["i"]], np.asarray(near["j"])
-    off_m = plots.position_m[row] - hulls.state[hull, :2]
-    off_m = off_m - (plots.time_s[row] - hulls.time_s[hull])[:, None] * hulls.state[hull, 2:]
+    off_m = plots.position_m[row] - _middle(plots.take(row), hulls, hull)
     sine, cosine = np.sin(angle[hull]), np.cos(angle[hull])
     along, across = off_m[:, 0] * sine + off_m[:, 1] * cosine, off_m[:, 0] * cosine - off_m[:, 1] * sine
     inside: Bools = (along / half_m[hull, 0]) ** 2 + (across / half_m[hull, 1]) ** 2 <= 1.0
@@ -193,28 +199,54 @@ def _inside(plots: Plots, measured: Ints, hulls: Hulls) -> tuple[Ints, Ints]:
     return row[best], hull[best]
 
 
-def _with_hidden_ends(plots: Plots, hulls: Hulls, hull: Ints) -> Plots:
-    """Plots that are shorter than their hulls, moved along these to the middle, by the hidden length at most. (K)
+def _ends(pieces: Plots, hulls: Hulls, hull: Ints, first: Bools) -> tuple[Floats, Floats]:
+    """Where the pieces of each hull begin and end along it, from its predicted middle on. (G,), (G,) m Args: as of `_sums`; hull: (K,)."""
+    ahead = _ahead(hulls, hull)
+    off_m = ((pieces.position_m - _middle(pieces, hulls, hull)) * ahead).sum(axis=1)
+    moments = pieces.extent[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    half_m = 0.5 * np.sqrt(LENGTH_OF_MOMENT * np.maximum(np.einsum("ki,kij,kj->k", ahead, moments, ahead), 0.0))
+    start = np.flatnonzero(first)
+    return np.minimum.reduceat(off_m - half_m, start), np.maximum.reduceat(off_m + half_m, start)
 
-    The echo may be any part of the hull, so that its middle says nothing of that of the hull within half the hidden length.
-    Args: hull: (K,) of each plot.
+
+def _parts_of_hulls(plots: Plots, ends: tuple[Floats, Floats], hulls: Hulls, hull: Ints) -> Plots:
+    """Plots of which each is all that was seen of its hull, moved along it to where its middle may be, nearest to the prediction. (G)
+
+    The middle is between the ends of what is seen, but for half of the hidden length to each side, and as uncertain along the hull.
+    So a ship that brakes while it is hidden in part goes on until the part leaves the hull. A part says little of the size. What is
+    shorter than `LEAST_PART` of the hull may be another vessel, and is not moved.
+    Args: ends: as of `_ends`; hull: (G,) of each plot.
     """
-    length, _, angle = axes(hulls.extent[hull])
-    ahead = np.column_stack([np.sin(angle), np.cos(angle)])
-    moments = plots.extent[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
-    seen = np.sqrt(LENGTH_OF_MOMENT * np.maximum(np.einsum("ki,kij,kj->k", ahead, moments, ahead), 0.0))
-    slack = 0.5 * np.maximum(length - seen, 0.0)
-    off_m = plots.position_m - hulls.state[hull, :2]
-    off_m -= (plots.time_s - hulls.time_s[hull])[:, None] * hulls.state[hull, 2:]
-    moved = -np.clip((off_m * ahead).sum(axis=1), -slack, slack)[:, None] * ahead
-    towards = (plots.position_m - plots.site_m) / plots.range_m[:, None]
+    length, ahead = axes(hulls.extent[hull])[0], _ahead(hulls, hull)
+    seen = ends[1] - ends[0]
+    is_part = (seen < WIDER * length) & (seen > LEAST_PART * length)
+    slack = np.where(is_part, 0.5 * np.maximum(length - seen, 0.0), 0.0)
+    at_m = ((plots.position_m - _middle(plots, hulls, hull)) * ahead).sum(axis=1)
+    middle_m = 0.5 * (ends[0] + ends[1])
+    to_m = middle_m - np.clip(middle_m, -slack, slack)
+    before = plots.position_m - plots.site_m
+    after = before + np.where(is_part, to_m - at_m, 0.0)[:, None] * ahead
+    turned = np.arctan2(after[:, 0], after[:, 1]) - np.arctan2(before[:, 0], before[:, 1])
+    little = (is_part & (seen < MOST_PART * length))[:, None]
     return replace(
         plots,
-        position_m=plots.position_m + moved,
+        position_m=plots.site_m + after,
         covariance=plots.covariance + (slack**2 / 3.0)[:, None, None] * (ahead[:, :, None] * ahead[:, None, :]),
-        range_m=plots.range_m + (moved * towards).sum(axis=1),
-        azimuth_rad=plots.azimuth_rad + (moved[:, 0] * towards[:, 1] - moved[:, 1] * towards[:, 0]) / plots.range_m,
+        range_m=plots.range_m + np.hypot(after[:, 0], after[:, 1]) - np.hypot(before[:, 0], before[:, 1]),
+        azimuth_rad=plots.azimuth_rad + wrap_rad(turned),
+        extent=np.where(little, hulls.extent[hull] + OF_PART * (plots.extent - hulls.extent[hull]), plots.extent),
     )
+
+
+def _ahead(hulls: Hulls, hull: Ints) -> Floats:
+    """The direction of the long axis of these hulls, east and north. (K, 2)"""
+    angle = axes(hulls.extent[hull])[2]
+    return np.column_stack([np.sin(angle), np.cos(angle)])
+
+
+def _middle(plots: Plots, hulls: Hulls, hull: Ints) -> Floats:
+    """The predicted middle of the hull of each plot at its time. (K, 2) m"""
+    return np.asarray(hulls.state[hull, :2] + (plots.time_s - hulls.time_s[hull])[:, None] * hulls.state[hull, 2:])
 
 
 def _sums(pieces: Plots, group: Ints, first: Bools) -> Plots:

@@ -66,7 +66,7 @@ def choose_and_prune(rules: Pruning, forest: Forest, leaves: Leaves, looked: Boo
     if len(decided):
         keep &= ~np.isin(plot[:, 1:], decided).any(axis=1)
     keep[chosen] = True
-    priced[chosen] = _least(priced, start) - LEAST_STEP
+    priced[chosen] = _least(np.where(keep, priced, np.inf), start) - LEAST_STEP
     first = np.append(0, np.cumsum(np.bincount(of[keep], minlength=len(slot))))
     keep[keep] = trees.cheapest(first, priced[keep], rules.leaves, rules.score_gap)
     if (confirmed := status[slot] == Status.CONFIRMED).any():

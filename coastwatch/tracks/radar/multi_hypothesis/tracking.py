@@ -50,7 +50,9 @@ class MultiHypothesis(Settings):
     method: Literal["multi_hypothesis"] = "multi_hypothesis"
     window: Annotated[int, Field(ge=1, le=12)] = 3  # looks of a track, after which the choice of a plot is final
     leaves: Annotated[int, Field(ge=1, le=500)] = 20  # of a track, at most
-    score_gap: Positive = 12.0  # a leaf that costs so much more than the cheapest of its track is dropped
+    score_gap: Positive = (
+        12.0  # a leaf that costs so much more than the cheapest of its track, with the prices of its plots, is dropped
+    )
     patience: Count = 8  # looks without a plot of its chosen leaf after which a track ends; not `upkeep.delete_misses`
     price_rounds: Annotated[int, Field(ge=1, le=1000)] = 100  # number of rounds of the global choice in a cluster, at most
     search_nodes: Annotated[int, Field(ge=1, le=100_000)] = 2000  # number of nodes of its branch and bound, at most
