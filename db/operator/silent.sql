@@ -1,6 +1,7 @@
 -- Vessels of which nothing was heard for a while
 -- Vessels still in the picture, predicted from an old report, longest silence first. A vessel with AIS is silent after some of
--- the intervals that its class, status and speed ask for, or that it keeps. In the past these are 180 s at rest, else 10 s.
+-- the intervals that its class, status and speed ask for, or that it keeps. In the past these are 180 s at rest, else 10 s, and
+-- a vessel that was heard again within a minute is not found.
 -- parameter: seconds = 15.0, silent for at least this long
 -- parameter: intervals = 2.0, and for so many of its AIS intervals
 WITH latest AS (

@@ -62,6 +62,9 @@ STATUS = {1: NavStatus.AGROUND, 2: NavStatus.MOORED, 10: NavStatus.AIS_SART_ACTI
 MMSI = {1: 710_000_001, 2: 710_000_002, 4: 710_000_004, 5: 710_000_005, 6: 710_000_006, 7: 710_000_007, 8: 710_000_007}
 
 
+SILENT_SINCE_S = world.START_S - 20.0  # vessel 9
+
+
 def planted(number: int) -> Picture:
     """Vessels 1 to 10; vessel 10 comes in cycle 30, vessel 2 leaves after cycle 35 and vessel 8 is away from 32 to 34."""
     there = [
@@ -80,7 +83,7 @@ def planted(number: int) -> Picture:
         velocity_m_s=VELOCITY_KN[ids - 1] * KNOT_M_S,
         covariance=covariance,
         since_s=np.where(ids == 10, world.instant_s(30), world.START_S),
-        updated_s=np.where(ids == 9, time_s - 40.0, time_s - 1.0),
+        updated_s=np.where(ids == 9, SILENT_SINCE_S, time_s - 1.0),
         mmsi=np.array([MMSI.get(v, -1) for v in there]),
         flags=np.array([int(FLAGS.get(v, 0)) for v in there]),
         origin=np.full(n, -1),
@@ -200,7 +203,7 @@ def test_every_question(store: Store) -> None:
     assert ids(rows("fastest", count=4)) == [5, 3, 4, 10]
     uncertain = rows("uncertain", count=2)
     assert [(row["vessel_id"], row["major_m"]) for row in uncertain] == [(6, 30.0), (10, 2.0)]
-    assert [(row["vessel_id"], row["age_s"]) for row in rows("silent")] == [(9, 40.0)]
+    assert [(row["vessel_id"], row["age_s"]) for row in rows("silent")] == [(9, world.instant_s(CYCLES - 1) - SILENT_SINCE_S)]
     assert [row["time_s"] for row in rows("history_of_mmsi", mmsi=710_000_002)] == [world.instant_s(k) for k in range(36)]
     assert len(rows("history_of_mmsi", mmsi="710000007", minutes=0.25)) == 6 + 5
 
@@ -294,7 +297,7 @@ def test_times_are_instants_or_lengths(store: Store) -> None:
         found = kept.operator_query(store, name, {key: given[key] for key in question.parameters if key in given})
         for column, value in zip(found.columns, found.rows[0] if found.rows else (), strict=False):
             if column.endswith("_s") and value is not None:
-                assert (value > world.START_S - 1.0) == (column in INSTANTS), f"{name}.{column}"
+                assert (value > world.START_S - 30.0) == (column in INSTANTS), f"{name}.{column}"
 
 
 @pytest.mark.parametrize("last", [20, 33, CYCLES - 1])
@@ -315,6 +318,10 @@ def test_every_question_at_an_instant_is_answered_as_it_was_then(store: Store, l
                 now = replaced(now, rate_deg_s=None)
                 then = replaced(then, updated_s=now.column("updated_s")[0])
             assert then.columns == now.columns
+            for column in {"updated_s", "age_s"} & set(now.columns):  # of vessels that are heard again soon: at the latest
+                off_s = np.subtract(then.column(column), now.column(column)) * (-1.0 if column == "age_s" else 1.0)
+                assert ((off_s >= 0.0) & (off_s <= 1.0)).all(), name
+                then, now = replaced(then, **{column: None}), replaced(now, **{column: None})
             assert then.rows == now.rows, name
         assert kept.operator_query(store, "fastest").rows  # what was temporary is gone
 

@@ -175,10 +175,7 @@ def picture_of_cycle(
     )
     time_s, first, recorded = connection.execute(query).one()
     if recorded and vessel_id is None:
-        picture, _ = read_recorded(connection, run_id, cycle, bbox)
-        moved = motion(picture.velocity_m_s, picture.covariance)
-        columns = dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))
-        return _with_details(connection, run_id, cycle, columns | {name: getattr(picture, name) for name in OWN}, wanted)
+        return _with_details(connection, run_id, cycle, _from_recording(connection, run_id, cycle, bbox), wanted)
     assert first is not None
     number, at_s = cycle_times(connection, run_id, first, cycle)
     names = ["vessel_id", "cycle", *MOTION, "closing", "mmsi"]
@@ -190,7 +187,39 @@ def picture_of_cycle(
     if bbox is not None:
         here = inside(now, bbox)
         columns = {name: column[here] for name, column in columns.items()}
+    if "updated_s" in wanted:
+        columns["updated_s"] = _heard_by(connection, run_id, cycle, time_s, columns)
     return _with_details(connection, run_id, cycle, columns, wanted)
+
+
+def _heard_by(connection: Connection, run_id: int, cycle: int, time_s: float, columns: Columns) -> Floats:
+    """When each vessel had been heard last by this cycle, or a little later, but not later than this cycle. (V,)
+
+    Its newest point tells how it was up to `store.history_max_s` before. Where its next point says that it was heard after this cycle,
+    it may have been heard in it too. So no vessel that was heard is said to be silent, but one that was heard again soon is not found.
+    Args: columns: vessel_id and updated_s of its newest point.
+    """
+    own, h = columns["updated_s"], HISTORY.c
+    end = connection.scalar(select(func.min(CYCLE.c.number)).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from > cycle))
+    number, _ = cycle_times(connection, run_id, cycle + 1, np.iinfo(np.int32).max if end is None else end)
+    if not len(number):
+        return own
+    cycles: ColumnElement[bool] = h.cycle.between(int(number[0]), int(number[-1]))
+    if len(own) <= FEW:
+        cycles = and_(is_one_of(connection, h.cycle, number), is_one_of(connection, h.vessel_id, columns["vessel_id"]))
+    points = fetch_arrays(connection, select(h.vessel_id, h.cycle, h.updated_s).where(h.run_id == run_id, cycles))
+    if end is None:  # the run ended, or is here: some have no further point
+        v = VESSEL.c
+        now = fetch_arrays(connection, select(v.vessel_id, v.updated_s).where(v.run_id == run_id))
+        points = [
+            np.concatenate(pair) for pair in zip(points, (now[0], np.full(len(now[0]), number[-1] + 1), now[1]), strict=True)
+        ]
+    order = np.lexsort((points[1], points[0]))
+    vessel, _, heard_s = (column[order] for column in points)
+    first = np.append(True, np.diff(vessel) != 0)[: len(vessel)]
+    row = find(vessel[first], columns["vessel_id"])
+    then = np.where(row >= 0, np.append(heard_s[first], np.nan)[row], own)
+    return np.maximum(np.minimum(then, time_s), own)
 
 
 def _from_recording(connection: Connection, run_id: int, cycle: int, bbox: Box | None) -> Columns:
