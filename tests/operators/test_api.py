@@ -133,6 +133,17 @@ def test_the_past_is_answered_from_the_store(served: Served) -> None:
         ("/api/v1/picture?bbox=1,2", 400, "bbox: got '1,2'"),
         ("/api/v1/picture?flags=drak", 400, "flags: got 'drak', needed some of dark"),
         ("/api/v1/picture?sources=moon", 400, "sources: got 'moon'"),
+        ("/api/v1/picture?mmsi=abc", 400, "mmsi: got 'abc', needed nine digits"),
+        (
+            "/api/v1/vessels/1/history?from=2030-01-01T00:00:00Z&to=2020-01-01T00:00:00Z",
+            400,
+            "from: got '2030-01-01T00:00:00Z', which is after",
+        ),
+        (
+            "/api/v1/alarms?from=2030-01-01T00:00:00Z&to=2020-01-01T00:00:00Z",
+            400,
+            "from: got '2030-01-01T00:00:00Z', which is after",
+        ),
         ("/api/v1/picture?columns=moon", 400, "columns: got 'moon', needed some of "),
         ("/api/v1/picture?colums=a", 422, "colums: got 'a' for an unknown parameter, needed one of "),
         ("/api/v1/picture?limit=10001", 422, "limit: got '10001', needed 10000 or less"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal, TypeVar
@@ -115,6 +116,14 @@ def parsed(read: Callable[[str], T], name: str, text: str | None) -> T | None:
         raise HTTPException(400, f"{name}: {error}") from error
 
 
+def parsed_span(start: str | None, end: str | None) -> tuple[float | None, float | None]:
+    """The instants `from` and `to`, None where not given. Raises: HTTPException, also where they are in the other order."""
+    from_s, to_s = parsed(utc, "from", start), parsed(utc, "to", end)
+    if from_s is not None and to_s is not None and from_s > to_s:
+        raise HTTPException(400, f"from: got {start!r}, which is after to, {end!r}")
+    return from_s, to_s
+
+
 @router.get("/status")
 def status(request: Request, service: In) -> dict[str, object]:
     """The run, its newest picture and its age, counts, troubles, and the role of who asks. `run_status` `died`: its process is gone."""
@@ -154,8 +163,9 @@ class Chosen(BaseModel):
         if self.sources:
             keep &= _has_source(picture, self.sources)[rows]
         if self.mmsi:
-            number = int(self.mmsi) if self.mmsi.isdecimal() and len(self.mmsi) < 12 else -2
-            keep &= picture.array("mmsi")[rows] == number
+            if not re.fullmatch("[0-9]{1,9}", self.mmsi):
+                raise HTTPException(400, f"mmsi: got {self.mmsi!r}, needed nine digits")
+            keep &= picture.array("mmsi")[rows] == int(self.mmsi)
         speed = np.nan_to_num(picture.array("sog_kn")[rows])
         keep &= (speed >= self.min_sog) & (speed <= (np.inf if self.max_sog is None else self.max_sog))
         return rows[keep]
@@ -230,7 +240,7 @@ def history(
     end: Annotated[str | None, Query(alias="to", max_length=40)] = None, limit: Limit = 5000,
 ) -> Response:  # fmt: skip
     """The newest points of a vessel's path between two instants, oldest first."""
-    span_s = parsed(utc, "from", start), parsed(utc, "to", end)
+    span_s = parsed_span(start, end)
     return _between(_vessel(service, vessel_id)[1].tables["history"], form, "history", vessel_id, span_s, limit)
 
 
@@ -240,12 +250,12 @@ def decided(
     end: Annotated[str | None, Query(alias="to", max_length=40)] = None, limit: Limit = 5000,
 ) -> Response:  # fmt: skip
     """The newest states of a vessel's corrected past between two instants, oldest first. The history stays what the watch saw."""
-    run_id = service.run_row()["id"]
+    run_id, span_s = service.run_row()["id"], parsed_span(start, end)
     try:
         rows = presentation.decided_path(service.store, run_id, vessel_id)
     except NotThere as error:
         raise HTTPException(404, f"run {run_id} never had a vessel {vessel_id}") from error
-    return _between(rows, form, "decided", vessel_id, (parsed(utc, "from", start), parsed(utc, "to", end)), limit)
+    return _between(rows, form, "decided", vessel_id, span_s, limit)
 
 
 def _between(
@@ -281,7 +291,7 @@ def alarms(request: Request, service: In, form: As, chosen: Annotated[ChosenAlar
     if chosen.kind is not None and chosen.kind not in (ALL_KINDS, *ALARM_KINDS):
         raise HTTPException(400, f"kind: got {chosen.kind!r}, needed one of {', '.join((ALL_KINDS, *ALARM_KINDS))}")
     kinds = ALARM_KINDS if chosen.kind in (None, ALL_KINDS) else (str(chosen.kind),)
-    from_s, to_s = parsed(utc, "from", chosen.start), parsed(utc, "to", chosen.end)
+    from_s, to_s = parsed_span(chosen.start, chosen.end)
     rows, total = service.alarms(Asked(chosen.state, kinds, from_s, to_s, limit=chosen.limit, offset=chosen.offset))
     headers = _page(request, total, chosen.offset, chosen.limit)
     return _answer(rows, form, "alarms", {"total": total}, headers)
@@ -310,9 +320,9 @@ def acknowledge_together(which: AcknowledgedTogether, request: Request, service:
     """Acknowledge, with one name and note, every alarm that began between two instants: of a kind, of a zone, or all."""
     if which.kind is not None and which.kind not in ALARM_KINDS:
         raise HTTPException(400, f"kind: got {which.kind!r}, needed one of {', '.join(ALARM_KINDS)}")
-    from_s, to_s = parsed(utc, "from", which.start) or 0.0, parsed(utc, "to", which.end) or 0.0
+    from_s, to_s = parsed_span(which.start, which.end)
     kinds = [each for each in ALARM_KINDS if which.kind in (None, each) and (which.zone is None or each in ZONE_KINDS)]
-    chosen = Beginnings(kinds, which.zone, from_s, to_s)
+    chosen = Beginnings(kinds, which.zone, from_s or 0.0, to_s or 0.0)
     return {"acknowledged": service.acknowledge_all(chosen, which.name, which.note, request.state.who)}
 
 
