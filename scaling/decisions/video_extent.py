@@ -192,13 +192,18 @@ def _instant(found: Floats, truth: Floats, length_m: Floats, land_deg: Rings) ->
     row, ship = row[right], ship[right]
     held = np.isin(np.arange(v), ship)
     large, small = length_m >= LARGE_M, length_m < SMALL_M
+    of_ship = np.full(n, -1)
+    of_ship[row] = ship
+    free = (of_ship[:, None] < 0) | (
+        of_ship[:, None] == np.flatnonzero(large)
+    )  # a track of another ship that passes is no second one
     on_land = [inside(found, np.array(ring)) for ring in land_deg]
     return {
         "large": float(held[large].mean()),
         "middle": float(held[~large & ~small].mean()),
         "small": float(held[small].mean()),
         "false": float(n - len(row)),
-        "second": float(((apart[:, large] < limit[large] + 30.0).sum(axis=0) > 1).sum()),
+        "second": float((((apart[:, large] < limit[large] + 30.0) & free).sum(axis=0) > 1).sum()),
         "on_land": float(np.logical_xor.reduce(on_land).sum()) if on_land and n else 0.0,
         "gospa_m": gospa(earth_centred(found), earth_centred(truth), CUTOFF_M, 2.0).total_m,
         "rmse_m": float(np.sqrt(np.mean(cost[row, ship] ** 2))) if len(row) else float("nan"),
