@@ -85,6 +85,8 @@ def test_traffic_is_what_pictures_show(url: str) -> None:
                     _seen_in(found, kept.picture(store, run, world.instant_s(number)), bbox, world.instant_s(number))
                 assert all(_was_in(dict(zip(found.columns, row, strict=True)), bbox, span) for row in found.rows)
         assert len(kept.traffic(store, run, BOXES[-1], world.START_S, world.instant_s(CYCLES))) == 0
+        late = kept.traffic(store, run, BOXES[0], world.START_S, world.instant_s(CYCLES) + 1e6)
+        assert late.array("to_s").max() == world.instant_s(CYCLES - 1)  # nobody saw what came after
         with pytest.raises(StoreError, match="holds nothing up to then"):
             kept.traffic(store, run, BOXES[0], 0.0, world.START_S - 100.0)
 

@@ -233,7 +233,10 @@ def cycle_times(connection: Connection, run_id: int, first: int, last: int) -> t
 
 
 def _legs(connection: Connection, store: Store, run_id: int, bbox: Box, from_s: float, to_s: float) -> Legs:
-    """Legs of the vessels that were in a box or near it between two instants: to the next point, at most as long as points are valid."""
+    """Legs of the vessels that were in a box or near it between two instants: to the next point, at most as long as points are valid.
+
+    None goes beyond the newest cycle of the run.
+    """
     run_exists(connection, store, run_id)
     c = CYCLE.c
     before = select(c.history_from).where(c.run_id == run_id, c.time_s <= from_s)
@@ -252,7 +255,8 @@ def _legs(connection: Connection, store: Store, run_id: int, bbox: Box, from_s: 
     order = np.lexsort((p["cycle"], p["vessel_id"]))
     p = {name: column[order] for name, column in p.items()}
     begun_s = time_s[p["cycle"] - start]
-    ended_s = np.minimum(begun_s + valid_s, to_s)
+    newest_s = connection.scalar(select(func.max(c.time_s)).where(c.run_id == run_id))
+    ended_s = np.minimum(begun_s + valid_s, min(to_s, float(newest_s)))
     same = p["vessel_id"][1:] == p["vessel_id"][:-1]
     ended_s[:-1] = np.where(same, np.minimum(ended_s[:-1], begun_s[1:]), ended_s[:-1])
     position = np.stack([p["latitude_deg"], p["longitude_deg"]], 1)
