@@ -49,6 +49,7 @@ from coastwatch.store.runs import last_good_run as last_good_run
 from coastwatch.store.runs import last_instant as last_instant
 from coastwatch.store.runs import latest_run as latest_run
 from coastwatch.store.runs import newest_picture as newest_picture
+from coastwatch.store.runs import refuse_second_writer as refuse_second_writer
 from coastwatch.store.runs import resume_point as resume_point
 from coastwatch.store.runs import resume_run as resume_run
 from coastwatch.store.runs import run as run

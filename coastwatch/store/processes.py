@@ -14,6 +14,9 @@ BOOT, NAMESPACE = PROC / "sys/kernel/random/boot_id", PROC / "self/ns/pid"
 STARTED = "start="
 """Before the time at which the process began, in clock ticks since the boot: a number that was given again has another one."""
 
+ENDED = ("Z", "X")
+"""States of a process that does nothing any more."""
+
 
 class Presence(Enum):
     """Whether a process is still there."""
@@ -40,7 +43,9 @@ def presence(machine: str | None, process: int | None) -> Presence:
         return Presence.GONE
     except OSError:  # there, but another user's
         pass
-    now = _began(process)
+    now, fields = _began(process), _fields(process)
+    if fields and fields[0] in ENDED:
+        return Presence.GONE  # it has ended, and its parent has not asked how
     if not began or now is None:
         return Presence.UNKNOWN  # the number may have been given again
     return Presence.HERE if began == now else Presence.GONE
@@ -48,11 +53,17 @@ def presence(machine: str | None, process: int | None) -> Presence:
 
 def _began(process: int) -> str | None:
     """When a process began, in clock ticks since the boot; None: the system does not say."""
+    fields = _fields(process)
+    return fields[19] if fields else None
+
+
+def _fields(process: int) -> list[str]:
+    """What Linux says of a process, from field 3, its state, on; field 2 may have blanks. Empty: the system does not say."""
     try:
         text = (PROC / str(process) / "stat").read_text("ascii", "replace")
     except OSError:
-        return None
-    return text.rpartition(")")[2].split()[19]  # field 22; the second one may have blanks
+        return []
+    return text.rpartition(")")[2].split()
 
 
 def _machine() -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from sqlalchemy import ColumnElement, Connection, Executable, RowMapping, Table, delete, func, insert, select, true, update
 
 from coastwatch.batches import Fault, Floats, Radars, Sensors, Sonars, SourceKind, Stations
-from coastwatch.errors import StoreError
+from coastwatch.errors import InputError, StoreError
 from coastwatch.store.journal import decompressed
 from coastwatch.store.processes import Presence, presence, this_process
 from coastwatch.store.rows import Rows, fetch_rows
@@ -57,11 +57,12 @@ def begin_run(
     command: str = "",
     faults: Sequence[Fault] = (),
     feeds: Sequence[str] = (),
+    alone: bool = False,
 ) -> int:
     """The number of a new run, which is then `running`. The database's clock says when it began.
 
-    Args: feeds: names of the feeds of AIS, by number.
-    Raises: StoreError.
+    Args: feeds: names of the feeds of AIS, by number; alone: as of `resume_run`.
+    Raises: StoreError; InputError, as of `refuse_second_writer`.
     """
     if not 0 <= seed < LARGEST:
         raise StoreError(f"{store.where}: seed: got {seed}, needed 0 to {LARGEST - 1}, the largest number a database can hold")
@@ -84,6 +85,8 @@ def begin_run(
         "process": process,
     }
     with writing(store) as connection:
+        if alone:
+            _refuse_second_writer(connection, store)
         row["started_utc"] = row["written_utc"] = now_utc(connection)
         run_id = int(connection.execute(insert(RUN).values(row).returning(RUN.c.id)).scalar_one())
         names = [{"number": number, "name": name} for number, name in enumerate(feeds)]
@@ -93,10 +96,16 @@ def begin_run(
     return run_id
 
 
-def resume_run(store: Store, run_id: int) -> None:
-    """Note that this process goes on with a run, which is then `running` again. Raises: StoreError."""
+def resume_run(store: Store, run_id: int, *, alone: bool = False) -> None:
+    """Note that this process goes on with a run, which is then `running` again.
+
+    Args: alone: refuse to, where another process writes a run.
+    Raises: StoreError; InputError, as of `refuse_second_writer`.
+    """
     machine, process = this_process()
     with writing(store) as connection:
+        if alone:
+            _refuse_second_writer(connection, store)
         again = {"status": "running", "machine": machine, "process": process, "written_utc": now_utc(connection)}
         connection.execute(update(RUN).where(RUN.c.id == run_id).values(finished_utc=None, **again))
 
@@ -114,6 +123,27 @@ def finish_run(
     with writing(store) as connection:
         ended |= {"status": status, "finished_utc": now_utc(connection)}
         connection.execute(update(RUN).where(RUN.c.id == run_id).values(ended))
+
+
+def refuse_second_writer(store: Store) -> None:
+    """Refuse a database into which another process of this machine writes a run. One of another machine cannot be asked.
+
+    Raises: StoreError; InputError: there is such a process.
+    """
+    with reading(store) as connection:
+        _refuse_second_writer(connection, store)
+
+
+def _refuse_second_writer(connection: Connection, store: Store) -> None:
+    r = RUN.c
+    running = connection.execute(select(r.id, r.machine, r.process).where(r.status == "running").order_by(r.id.desc())).all()
+    mine = this_process()
+    for run_id, machine, process in running:
+        if (machine, process) != mine and presence(machine, process) is Presence.HERE:
+            raise InputError(
+                f"--db: got {store.where}, where process {process} is writing run {run_id}, needed another database, "
+                "or the end of that process"
+            )
 
 
 def resume_point(

@@ -12,6 +12,7 @@ from typing import Any
 
 import httpx2 as httpx
 import pytest
+from run_world import Start, column, stored
 from server_world import events, listening, wait_for
 
 from coastwatch import store
@@ -146,6 +147,21 @@ def test_a_run_that_goes_on_has_the_names_of_vessels_that_are_not_in_the_picture
         assert found[710_000_001] == ("SHIP 1", None, 70, 120.0, pytest.approx(float("nan"), nan_ok=True))
         assert 710_000_000 in found, "no vessel of the picture has this MMSI"
         assert sorted(stored_statics(opened, run_id, 2)) == [710_000_010, 710_000_011]
+
+
+def test_a_second_server_on_a_database_is_refused_until_the_first_is_killed(tmp_path: Path, start: Start) -> None:
+    path = tmp_path / "x.db"
+    words = ["serve", "context-driven-100", "--db", str(path), "--port", "0", "--workers", "1", "--set", "input.count=5"]
+    first = start(*words)
+    wait_for(lambda: path.exists() and stored(path) > 0, 300.0)  # kernels may be compiled first
+    second = start(*words)
+    _, said = second.communicate(timeout=60.0)
+    assert second.returncode == 2, said
+    assert f"--db: got {path}, where process {first.pid} is writing run 1, needed another database" in said
+    assert column(path, "SELECT status FROM run") == ["running"]
+    first.kill()
+    start(*words)
+    wait_for(lambda: column(path, "SELECT max(id) FROM run") == [2], 60.0)
 
 
 FAILS = """

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import store_world as world
-from sqlalchemy import select, text
+from sqlalchemy import select, text, update
 
 from coastwatch import store as kept
-from coastwatch.errors import StoreError
+from coastwatch.errors import InputError, StoreError
 from coastwatch.store import Store
-from coastwatch.store.schema.database import reading
+from coastwatch.store.schema.database import reading, writing
 from coastwatch.store.schema.migrate import check
-from coastwatch.store.schema.tables import METADATA, STAGE_TIMING
+from coastwatch.store.schema.tables import METADATA, RUN, STAGE_TIMING
 
 pytestmark = pytest.mark.contract
 
@@ -147,3 +154,49 @@ def test_discarded_runs_leave_nothing_and_others_stay(url: str) -> None:
         assert kept.discard_runs(store, "sea") == [two]
         assert len(kept.picture(store, other).rows) == len(world.picture_of(0, 30))
     assert check(url) == []
+
+
+PROCESS = (
+    "import json; from coastwatch.store.processes import this_process; print(json.dumps(this_process()), flush=True); input()"
+)
+
+
+@contextmanager
+def another_process() -> Iterator[tuple[subprocess.Popen[str], dict[str, Any]]]:
+    """A process that does nothing, and how a run says that it writes it."""
+    line = [sys.executable, "-c", PROCESS]
+    with subprocess.Popen(line, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as made:
+        assert made.stdout
+        machine, process = json.loads(made.stdout.readline())
+        yield made, {"machine": machine, "process": process}
+        made.kill()
+
+
+def test_a_second_writer_is_refused_while_the_process_of_the_first_lives(url: str) -> None:
+    with kept.open_store(url) as store, another_process() as (made, writer):
+
+        def says(**values: Any) -> None:
+            with writing(store) as connection:
+                connection.execute(update(RUN).where(RUN.c.id == run).values(values))
+
+        run = world.begin(store)
+        kept.refuse_second_writer(store)  # this process is the writer
+        says(**writer)
+        said = f"where process {made.pid} is writing run {run}, needed another database, or the end of that process"
+        with pytest.raises(InputError, match=said):
+            kept.refuse_second_writer(store)
+        with pytest.raises(InputError, match=said):
+            kept.resume_run(store, run, alone=True)
+        with pytest.raises(InputError, match=said):
+            world.begin(store, alone=True)
+        assert kept.runs(store).column("id") == [run]
+        says(status="interrupted")
+        kept.refuse_second_writer(store)
+        says(status="running", machine="another")
+        kept.refuse_second_writer(store)  # it cannot be asked
+        says(**writer)
+        made.kill()
+        stat = Path(f"/proc/{made.pid}/stat")
+        while stat.exists() and ") Z " not in stat.read_text():  # nobody has asked how it ended
+            time.sleep(0.01)
+        kept.resume_run(store, run, alone=True)

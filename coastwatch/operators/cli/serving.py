@@ -46,7 +46,7 @@ from coastwatch.server.regions.client import RegionAddress, check_files, parsed_
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.regions.scenario import of_centre, with_track_sources
 from coastwatch.server.troubles import Trouble
-from coastwatch.store import QueryLimit, Store, open_store
+from coastwatch.store import QueryLimit, Store, open_store, refuse_second_writer
 
 T = TypeVar("T")
 QUERY = QueryLimit(5.0, time.monotonic)
@@ -143,7 +143,10 @@ def serve_deployment(options: Deployment) -> int:
 
 
 def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.socket) -> None:
-    """Run a scenario, on live feeds or on its own input, and serve its pictures."""
+    """Run a scenario, on live feeds or on its own input, and serve its pictures.
+
+    Raises: InputError: another process of this machine writes a run into the database, or options do not fit together.
+    """
     regions = [parsed_region(text) for text in options.region]
     for region in regions:
         check_files(region)
@@ -160,6 +163,7 @@ def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.so
     elif options.role == "region" and not scenario.radars:
         raise InputError(f"--role region: got {name!r} without radars, needed a scenario with at least one")
     with open_store(options.db, limit=QUERY) as opened, ExitStack() as stack:
+        refuse_second_writer(opened)
         service = Service(opened, publisher=Publisher(opened) if options.role == "region" else None)
         sensors = scenario.sensors()
         video = service.video = LiveVideo(sensors.radars)
