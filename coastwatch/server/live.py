@@ -64,6 +64,9 @@ CROWD_SHOWN_S = 60.0
 REPAIRABLE = (ValueError, OSError, StoreError)
 """Errors of a run that the caller can repair: before its first cycle they end it."""
 
+FAILED_SHOWN_S = 60.0
+"""For how long after it a write that failed is shown as a trouble: one that succeeds again at once would not be seen."""
+
 MOST_BEHIND = 20
 """Cycles that may wait for a database that works before it is called slow."""
 
@@ -190,6 +193,7 @@ class LiveRun:
         """What an operator should know."""
         now_s, troubles = clock.now_s(), of_feeds(self.feeds(), clock.now_s())
         state = self._writer.state if self._writer else WriterState()
+        failed_s = math.inf if state.failed_s is None else time.monotonic() - state.failed_s
         if state.error is not None:
             since_s = now_s - (time.monotonic() - (state.since_s or time.monotonic()))
             text = (
@@ -199,6 +203,9 @@ class LiveRun:
         elif state.waiting > MOST_BEHIND:
             text = f"the database is slow: {state.waiting} cycles wait, {state.not_stored} were left out so far"
             troubles.append(Trouble("store", "", None, text, False))
+        elif failed_s < FAILED_SHOWN_S:
+            text = f"the database could not be written within the last minute, and can be again: {state.last_error}"
+            troubles.append(Trouble("store", "", now_s - failed_s, text, False))
         if state.warning is not None:
             troubles.append(Trouble("log", "", None, state.warning, False))
         late_s = self.late_s

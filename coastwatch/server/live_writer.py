@@ -54,6 +54,8 @@ class WriterState:
     waiting: int = 0  # cycles
     not_stored: int = 0  # pictures that were skipped since the start
     failures: int = 0  # attempts
+    failed_s: float | None = None  # monotonic time of the last one
+    last_error: str = ""  # why it failed
     forgotten: int = 0  # events, and changes by operators, that had no room or were refused
     warning: str | None = None  # what an operator should see to
     log_bytes: int = 0  # of the write-ahead log of an SQLite database
@@ -102,7 +104,7 @@ class LiveWriter:
         idle: called each IDLE_S without a record; may raise StoreError.
         """
         was: WriterState = WriterState() if before is None else before.state
-        self.state: WriterState = WriterState(not_stored=was.not_stored, failures=was.failures, forgotten=was.forgotten)
+        self.state: WriterState = replace(was, error=None, since_s=None, waiting=0, warning=None, log_bytes=0)
         self.lost: NoSuchRunError | None = None  # the run was deleted: nothing can be written of it any more
         self._watch, self._write, self._announce, self._retry = watch, write, announce, retry
         self._idle = idle
@@ -334,6 +336,7 @@ class LiveWriter:
     def _failed(self, error: str) -> None:
         with self._changed:
             self.state.error, self.state.failures = error, self.state.failures + 1
+            self.state.last_error, self.state.failed_s = error, time.monotonic()
             self.state.since_s = self.state.since_s or time.monotonic()
             self._failed_in_a_row += 1
             self._changed.notify_all()

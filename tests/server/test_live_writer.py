@@ -339,6 +339,26 @@ def test_a_change_whose_subject_is_never_stored_is_given_up_and_holds_up_no_othe
         assert (len(tries), writer.state.forgotten) == (live_writer.MOST_ATTEMPTS, 1)
 
 
+def test_a_write_that_fails_once_is_said_for_a_minute(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = LiveRun(load_scenario("guanabara"), Paced(), lambda _: None, database="")
+    with run.writer(1, Stopwatch(), database.write, lambda: None) as writer:
+        assert run.troubles() == []
+        database.away = StoreError("database is locked")
+        writer.put(record(0, {}))
+        wait_for(lambda: writer.state.failures == 1)
+        (said,) = run.troubles()
+        assert said.text == "the database cannot be written: database is locked; 1 cycles wait, 0 were left out"
+        database.away = None
+        wait_for(lambda: writer.is_idle and writer.state.error is None)
+        (said,) = run.troubles()
+        again = "the database could not be written within the last minute, and can be again: database is locked"
+        assert (said.kind, said.text, said.is_serious) == ("store", again, False)
+    with run.writer(1, Stopwatch(), database.write, lambda: None):
+        assert [one.text for one in run.troubles()] == [again], "the run was begun again"
+    monkeypatch.setattr("coastwatch.server.live.FAILED_SHOWN_S", 0.0)
+    assert run.troubles() == []
+
+
 def test_a_change_waits_for_a_database_that_is_away_however_often_it_refuses_at_once(database: Database) -> None:
     tries: list[int] = []
 
