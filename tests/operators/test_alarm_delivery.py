@@ -52,6 +52,7 @@ class FromBook:
         self.book = AlarmBook()
         self.book.begin(1)
         self.hub = type("Hub", (), {"picture": None})()
+        self.asked: list[Any] = []
 
     rows_of = Service.rows_of
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,10 +17,11 @@ from server_world import listening, raise_alarm, wait_for
 
 from coastwatch.batches import AlarmKind
 from coastwatch.errors import InputError
-from coastwatch.operators.api import webhooks
+from coastwatch.operators.api import logs, webhooks
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of, signature
 from coastwatch.operators.cli.serving import Followed
+from coastwatch.server.link import Backoff
 from coastwatch.store import open_store
 
 pytestmark = pytest.mark.whole
@@ -85,6 +87,41 @@ def test_alarms_are_sent_signed_and_again_until_they_are_taken(tmp_path: Path) -
     assert "s3cret" not in metrics
 
 
+def test_deliveries_that_fail_are_a_trouble_until_one_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    import store_world
+
+    monkeypatch.setattr(Backoff, "wait_s", lambda *_: 0.3)
+    monkeypatch.setattr(logging.getLogger("coastwatch.serve"), "propagate", True)
+    with open_store(str(tmp_path / "sea.db")) as opened, receiver([503, 503, 503]) as (address, taken):
+        store_world.begin(opened)
+        store_world.write(opened, 1, 0)
+        with Followed(opened, None, poll_s=0.05) as followed:
+            service = followed.service
+            service.webhooks = [WebHook("http://127.0.0.1:9/hidden"), WebHook(address)]
+            wait_for(lambda: followed.alarms.run_id > 0)
+            watch, name = logs.Watch(service), address.split("/")[2]
+            with listening(service):
+                assert service.troubles() == []
+                served: Any = type("Served", (), {"store": opened})
+                raise_alarm(served, 1, 4)
+                wait_for(lambda: len(taken) == 2)
+                watch.look()
+                wait_for(lambda: any("2 deliveries" in one.text for one in service.troubles() if one.name == name))
+                said = {one.name: one for one in service.troubles()}
+                watch.look()
+                wait_for(lambda: len(taken) == 4)
+                wait_for(lambda: [one.name for one in service.troubles()] == ["127.0.0.1:9"])
+                watch.look()
+            assert service.troubles() == []
+    assert said[name].text == "2 deliveries failed, the last: it answered 503; tried again"
+    assert "failed, the last: Connection refused; tried again" in said["127.0.0.1:9"].text
+    assert {(one.kind, one.is_serious) for one in said.values()} == {("webhook", False)}
+    warned = [record for record in caplog.records if "503" in record.message]
+    assert [record.levelname for record in warned] == ["WARNING"]
+
+
 def test_every_kind_of_alarm_may_be_chosen() -> None:
     kinds = (*(kind.name.lower() for kind in AlarmKind), "dark", "epirb")
     assert checked(WebHook("https://a/b", kinds)).kinds == kinds
@@ -147,7 +184,7 @@ def test_a_receiver_whose_answer_does_not_end_holds_up_no_other_message(
         finally:
             writer.close()
 
-    async def main() -> int:
+    async def main() -> tuple[int, str]:
         server = await asyncio.start_server(answer, "127.0.0.1", 0)
         hook = WebHook(f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}/")
         sender = webhooks._Sender(hook, service, webhooks.RETRY)
@@ -158,4 +195,4 @@ def test_a_receiver_whose_answer_does_not_end_holds_up_no_other_message(
             await client.aclose()
             server.close()
 
-    assert asyncio.run(main()) == status
+    assert asyncio.run(main()) == (status, f"it answered {status}" if status else "no answer within 0.5 s")

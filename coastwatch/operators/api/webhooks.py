@@ -17,7 +17,8 @@ from coastwatch.operators.api.alarm_stream import PORTION, AlarmStream, as_json
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.webhook_settings import WebHook, signature
 from coastwatch.server.alarm_book import Change
-from coastwatch.server.link import Backoff
+from coastwatch.server.link import Backoff, reason_of
+from coastwatch.server.troubles import Trouble
 
 LOG = logging.getLogger("coastwatch.serve")
 WAITING, TIME_OUT_S = 50_000, 10.0
@@ -58,6 +59,16 @@ class _Sender:
         self._client = httpx.AsyncClient(timeout=TIME_OUT_S, follow_redirects=False)
         counts = ("sent", "retried", "failed", "dropped")
         self._count = {name: service.metrics.webhooks.labels(hook.name, name) for name in counts}
+        self._failures, self._failing_since_s, self._reason = 0, 0.0, ""  # deliveries since the last that was taken
+        self._tries_again = True  # the one that failed last
+
+    def troubles(self) -> list[Trouble]:
+        """That deliveries fail, until one is taken."""
+        if not self._failures:
+            return []
+        deliveries = "1 delivery" if self._failures == 1 else f"{self._failures} deliveries"
+        text = f"{deliveries} failed, the last: {self._reason}; {'' if self._tries_again else 'not '}tried again"
+        return [Trouble("webhook", self.hook.name, self._failing_since_s, text, False)]
 
     def enqueue(self, messages: Sequence[tuple[str, _Message]]) -> None:
         """Let messages wait, if the hook wants their kinds. Distress waits for no other message.
@@ -107,28 +118,34 @@ class _Sender:
     async def _send(self, message: _Message) -> float | None:
         """Send a message. Returns: seconds until it is to be sent again; None: it was taken, or refused for good."""
         try:
-            status = await self._post(self._client, message)
-        except Exception:  # an error of one message ends no other
+            status, reason = await self._post(self._client, message)
+        except Exception as error:  # an error of one message ends no other
             LOG.exception("a message cannot be sent to a web hook", extra={"fields": {"webhook": self.hook.name}})
-            self._count["failed"].inc()
+            self._failed(type(error).__name__, again=False)
             return None
         if 200 <= status < 300:
             self._count["sent"].inc()
+            self._failures = 0
             return None
-        if message.attempts >= MOST_RETRIES or (300 <= status < 500 and status not in AGAIN):
-            self._count["failed"].inc()
-            return None
-        self._count["retried"].inc()
-        return self._retry.wait_s(message.attempts + 1)
+        again = message.attempts < MOST_RETRIES and (not 300 <= status < 500 or status in AGAIN)
+        self._failed(reason, again=again)
+        return self._retry.wait_s(message.attempts + 1) if again else None
 
-    async def _post(self, client: httpx.AsyncClient, message: _Message) -> int:
-        """The status of the answer; 0: there was none."""
+    def _failed(self, reason: str, *, again: bool) -> None:
+        """Note that a delivery failed. Args: again: whether its message is sent again."""
+        self._count["retried" if again else "failed"].inc()
+        if not self._failures:
+            self._failing_since_s = time.time()
+        self._failures, self._reason, self._tries_again = self._failures + 1, reason, again
+
+    async def _post(self, client: httpx.AsyncClient, message: _Message) -> tuple[int, str]:
+        """The status of the answer, and what it says; 0: there was none, and why."""
         stamp = str(int(time.time()))
         headers = {"Content-Type": "application/json", "X-Coastwatch-Delivery": message.name, "X-Coastwatch-Timestamp": stamp}
         if self.hook.secret:
             headers["X-Coastwatch-Signature"] = signature(self.hook.secret, stamp, message.body)
-        status = 0
-        with suppress(httpx.HTTPError, httpx.InvalidURL, OSError):  # a timeout is an OSError
+        status, reason = 0, ""
+        try:
             async with (
                 asyncio.timeout(TIME_OUT_S),
                 client.stream("POST", self.hook.url, content=message.body, headers=headers) as answer,
@@ -138,7 +155,9 @@ class _Sender:
                     size += len(part)
                     if size > MOST_ANSWER:
                         break
-        return status
+        except (httpx.HTTPError, httpx.InvalidURL, OSError) as error:  # a timeout is an OSError
+            reason = _reason_of(error)
+        return status, f"it answered {status}" if status else reason
 
 
 @asynccontextmanager
@@ -159,14 +178,31 @@ async def sending(
 
     tasks = [asyncio.create_task(job) for job in ([follow()] if senders else [])]
     tasks += [asyncio.create_task(sender.run()) for sender in senders]
+    asked = [sender.troubles for sender in senders]
+    service.asked += asked
     try:
         yield
     finally:
+        for ask in asked:
+            service.asked.remove(ask)
         for task in tasks:
             task.cancel()
         for task in tasks:
             with suppress(asyncio.CancelledError):
                 await task
+
+
+def _reason_of(error: BaseException) -> str:
+    """Why there was no answer, in the words of the system where it has any."""
+    reason = str(error) or type(error).__name__
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, TimeoutError | httpx.TimeoutException):
+            return f"no answer within {TIME_OUT_S:g} s"
+        if isinstance(cause, OSError) and cause.errno is not None:
+            return reason_of(cause)
+        cause = cause.__cause__ or cause.__context__
+    return reason
 
 
 def _messages(service: Service, changes: Sequence[Change]) -> list[tuple[str, _Message]]:
