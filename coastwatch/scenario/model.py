@@ -122,7 +122,7 @@ class Scenario(Settings):
     name: Name  # the name under which the run is stored
     title: str  # one line, for lists and plots
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1  # whole number that all randomness starts from
-    start_utc: AwareDatetime | None = None  # none: the start of the recording
+    start_utc: AwareDatetime | None = None  # none: the start of the recording; live feeds do not use it
     period_s: Annotated[float, Field(ge=0.01, le=3600.0)] = 3.0  # of a cycle
     cycles: Annotated[int, Field(ge=0, le=MOST_CYCLES)] = 40  # scored cycles; 0: to the end of the recording
     warmup_s: NotNegative = 60.0  # before the first scored cycle

@@ -44,14 +44,15 @@ AIS, RADAR = "ais+tcp://127.0.0.1:1", "asterix+udp://127.0.0.1:1"
 
 
 def recorded(name: str, minutes: int) -> tuple[Scenario, Reports, int]:
-    """A scenario that begins at a set instant, its reports, and its cycles."""
+    """A scenario that begins where a live run of its reports does, these reports, and its cycles."""
     scenario = load_scenario(name, {"store.recording": "true", "store.overlap": "true"})
     plan = scenario.plan()
     cycles = min(plan.cycles, int(minutes * 60.0 / plan.period_s))
     found = scenario.input.load(scenario.sensors(), scenario.seed, plan).whole()
     stop_s = plan.instant_s(cycles - 1) + LATENESS_S + 2.0 * plan.period_s  # so that the last cycle does not wait
     reports = found.between(plan.start_s, stop_s)
-    start = datetime.fromtimestamp(plan.start_s, UTC)
+    first_s = min(float(times.min()) for times in (reports.ais.received_s, reports.radar.time_s) if len(times))
+    start = datetime.fromtimestamp(math.floor(first_s) - 1.0, UTC)
     return scenario.model_copy(update={"start_utc": start, "cycles": cycles, "warmup_s": 0.0}), reports, cycles
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import threading
 import time
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -11,7 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from feed_world import NAMES, SEA, SENSORS, deliver, put, sentence
+from feed_world import NAMES, SCENARIO, SEA, SENSORS, deliver, items, put, sentence
 from server_world import Served
 
 from coastwatch.formats.decoding import CONFIRMED_BY, FAR_JUMP_S, Stamps
@@ -180,6 +181,16 @@ def test_a_feed_of_which_most_is_thrown_away_is_said() -> None:
         made._feeds[0].look()
         said = " ".join(trouble.text for trouble in of_feeds(made.feeds(), now_s))
         assert "50 of 50 reports of the last minute were thrown away" in said
+
+
+@pytest.mark.parametrize("start_utc", [None, datetime(2025, 6, 1, tzinfo=UTC), datetime(2026, 6, 1, tzinfo=UTC)])
+def test_with_the_clock_of_the_feeds_a_run_begins_at_the_first_report_whenever_its_scenario_would(
+    start_utc: datetime | None,
+) -> None:
+    with LiveInput([parsed("ais+listen://127.0.0.1:0")], SENSORS, clock="feeds") as made:
+        put(made.ports[0], items("ais+tcp://x:1"))
+        _, plan = made.begin(SCENARIO.model_copy(update={"start_utc": start_utc}), SENSORS, 1, threading.Event(), {})
+    assert plan.start_s == math.floor(SEA.ais.received_s.min()) - 1.0
 
 
 @pytest.mark.parametrize(("age_s", "remedy"), [(12.0, False), (1_800.0, True), (86_400.0, True)])

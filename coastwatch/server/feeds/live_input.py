@@ -198,11 +198,16 @@ class LiveInput:
         stop: threading.Event,
         positions: Positions,
     ) -> tuple[Recording, Plan]:
-        """As of `Input`. With the clock of the feeds the run begins with the first report, unless the scenario says when."""
+        """As of `Input`. With the clock of the feeds the run begins with the first report.
+
+        `start_utc` of the scenario is when its simulation or files begin. Feeds have another time; only a centre that has regions
+        and no feeds begins then.
+        """
         start_s = float(math.floor(now_s()))
-        if scenario.start_utc is not None and self._clock == "feeds":
-            start_s = scenario.start_utc.timestamp()
-        from_s = start_s if self._clock == "wall" or scenario.start_utc is not None else 0.0
+        set_utc = scenario.start_utc if self._clock == "feeds" and not self._feeds else None
+        if set_utc is not None:
+            start_s = set_utc.timestamp()
+        from_s = start_s if self._clock == "wall" or set_utc is not None else 0.0
         self._of_regions.close()  # of a run before this one
         self._regions = []
         for feed in self._feeds:
@@ -213,7 +218,7 @@ class LiveInput:
         if self._clock == "feeds":
             self._wait_for_first(stop)
             first_s = self._first_s() if not self._has_begun else self._newest_s()
-            if scenario.start_utc is None and math.isfinite(first_s):
+            if set_utc is None and math.isfinite(first_s):
                 start_s = math.floor(first_s) - 1.0
         self._has_begun, self._period_s = True, scenario.period_s
         return Recording(self, feeds=self._names), Plan(start_s=start_s, period_s=scenario.period_s, cycles=ENDLESS)
