@@ -6,6 +6,7 @@ import asyncio
 import random
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import threading
@@ -36,6 +37,7 @@ from feed_world import (
     same,
     sentence,
 )
+from run_world import Start
 from server_world import wait_for
 
 from coastwatch.batches import Reports
@@ -46,13 +48,15 @@ from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds import live_input
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
-from coastwatch.server.feeds.sending import Batch, encoded, of_scenario, send
+from coastwatch.server.feeds.sending import Batch, encoded, of_file, of_scenario, send
 from coastwatch.server.feeds.transport import Item
 from coastwatch.server.regions.scenario import with_track_sources
 from coastwatch.server.run import run_scenario
 from scaling.load import replayed
 
 pytestmark = pytest.mark.whole
+
+MESSAGE = b"!AIVDM,1,1,,A,13u?etPv2;0n:dDPwUM1U1Cb069D,0*23"
 
 
 def by_tcp(lines: list[bytes]) -> list[Reports]:
@@ -399,6 +403,29 @@ def test_the_generator_connects_again_to_a_server_that_was_away() -> None:
         send(batches(), [parsed(f"json+tcp://127.0.0.1:{server.getsockname()[1]}")], 20.0, threading.Event())
         receiver.join()
     assert [data[:2] for data in taken] == [b"{}", b"{}"]
+
+
+@pytest.mark.parametrize("ended", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("transport", ["tcp", "listen"])
+def test_the_generator_says_that_it_waits_and_is_ended_by_a_signal(
+    transport: str, ended: signal.Signals, start: Start, tmp_path: Path
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as held:
+        port = held.getsockname()[1]
+    (tmp_path / "one.nmea").write_bytes(b"\\c:1700000000*5D\\" + MESSAGE + b"\r\n")
+    sender = start("feed", str(tmp_path / "one.nmea"), "--to", f"ais+{transport}://127.0.0.1:{port}")
+    assert sender.stderr is not None
+    assert "it is tried again for 20 s" in sender.stderr.readline()
+    sender.send_signal(ended)
+    _, err = sender.communicate(timeout=10.0)  # long before it would give up
+    assert (sender.returncode, err) == (130, "coastwatch: interrupted\n")
+
+
+def test_sentences_behind_tag_blocks_and_times_are_sent_with_the_lines_between(tmp_path: Path) -> None:
+    lines = [b"# a receiver", b"\\c:1700000000*5D\\" + MESSAGE, b"12:00:00 " + MESSAGE]
+    (tmp_path / "some.nmea").write_bytes(b"\r\n".join(lines))
+    to = parsed(f"ais+file://{tmp_path}/out.nmea")
+    assert send(of_file(tmp_path / "some.nmea", ["ais"]), [to], 100.0, threading.Event()) == {to.text: 3}
 
 
 @pytest.mark.slow

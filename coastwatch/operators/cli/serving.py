@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import os
 import signal
 import socket
 import sys
@@ -46,6 +48,7 @@ from coastwatch.server.regions.client import RegionAddress, check_files, parsed_
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.regions.scenario import of_centre, with_track_sources
 from coastwatch.server.troubles import Trouble
+from coastwatch.spelling import printable
 from coastwatch.store import QueryLimit, Store, open_store, refuse_second_writer
 
 T = TypeVar("T")
@@ -234,19 +237,30 @@ def _check_role(options: Deployment) -> None:
 
 
 def feed(options: argparse.Namespace) -> int:
-    """Send a scenario or a recording to live feeds. Ctrl-C stops it."""
-    addresses, now = [parsed(text) for text in options.to], False
-    if Path(options.source).is_file() and not options.source.endswith(".toml"):
-        batches = of_file(Path(options.source), [address.format for address in addresses])
+    """Send a scenario or a recording to live feeds. Ctrl-C stops it: before anything was sent with exit code 130."""
+    addresses, now, path = [parsed(text) for text in options.to], False, Path(options.source)
+    if path.is_file() and path.suffix != ".toml":
+        batches = of_file(path, [address.format for address in addresses])
+    elif not path.exists() and (path.suffix or path.name != options.source):  # no name of a scenario has a dot or a slash
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), options.source)
     else:
         scenario = load_scenario(options.source, dict(options.settings))
         simulated = isinstance(scenario.input, SIMULATIONS)
         now = simulated and options.speed == 1.0
         batches = of_scenario(scenario, scenario.sensors(), [address.format for address in addresses], now=now)
-    stop = threading.Event()
-    usual = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+    stop, began = threading.Event(), threading.Event()
+
+    def end(*_: object) -> None:
+        if not began.is_set() or stop.is_set():  # a second time it does not wait for what is being sent
+            raise KeyboardInterrupt
+        stop.set()
+
+    def say(text: str) -> None:
+        print(f"coastwatch: {printable(text)}", file=sys.stderr, flush=True)
+
+    usual = {s: signal.signal(s, end) for s in (signal.SIGINT, signal.SIGTERM)}
     try:
-        sent = send(batches, addresses, options.speed, stop, now=now)
+        sent = send(batches, addresses, options.speed, stop, now=now, began=began, say=say)
     finally:
         for s, handler in usual.items():
             signal.signal(s, handler)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import socket
 import threading
 import time
@@ -33,7 +34,12 @@ VIDEO_STEP_S = 0.04
 """The same of video, which would fill the buffers of the system."""
 
 LINES_A_DATAGRAM = 10
+AIS_SENTENCE = re.compile(rb"![A-Z]{2}VD[MO],")
+"""It may stand behind a tag block or a time."""
+
 CONNECT_S, LISTEN_S = 20.0, 2.0  # how long it is tried to connect, and how long at a time
+SOON_S = 0.5  # until it is said that it is tried again
+END_S = 0.1  # for the end of a connection: longer only while it connects, which nobody has to wait for
 RETRY = Backoff(0.1, 0.5)
 Batch = tuple[float, Callable[[Address], list[bytes]]]
 """An instant, and what is sent up to it over an address."""
@@ -46,18 +52,28 @@ class Sender(Protocol):
 
 
 def send(
-    batches: Iterator[Batch], addresses: list[Address], speed: float, stop: threading.Event, *, now: bool = False
+    batches: Iterator[Batch],
+    addresses: list[Address],
+    speed: float,
+    stop: threading.Event,
+    *,
+    now: bool = False,
+    began: threading.Event | None = None,
+    say: Callable[[str], None] = lambda text: None,
 ) -> dict[str, int]:
     """Send everything at this speed. Returns: lines or datagrams sent by feed.
 
-    Args: now: the instants are those of the clock; else the first one is now.
+    Args: stop: ends it after what is being sent; now: the instants are those of the clock, else the first one is now; began: is set when
+    every feed is there and the first reports are sent; say: is given a sentence where nobody is there yet.
     Raises: OSError where nobody can be reached.
     """
     sent = {address.text: 0 for address in addresses}
     with ExitStack() as stack:
-        senders = [(address, _opened(address, stack)) for address in addresses]
+        senders = [(address, _opened(address, stack, say)) for address in addresses]
         origin: tuple[float, float] | None = None
         for instant_s, encode in batches:
+            if began is not None:
+                began.set()
             origin = origin or (instant_s, instant_s if now else time.time())
             if stop.wait(max(origin[1] + (instant_s - origin[0]) / speed - time.time(), 0.0)):
                 break
@@ -115,21 +131,33 @@ def _encoded(
 def of_file(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
     """The messages of a recording, as they are: of a capture by the times of its packets, else lines or video by their time stamps.
 
-    Lines without a time go with the one before. Args: formats: to which they are sent. Raises: InputError.
+    Lines without a time go with the one before. Args: formats: to which they are sent. Raises: InputError: no feed can carry the file,
+    or it has lines and no sentence of AIS.
     """
     if is_capture(path):
-        for when_s, message, _ in items_of(WireFile(str(path), formats[0], path), Tally()):
-            yield when_s, partial(_constant, formats, [message])
-        return
+        return _of_capture(path, formats)
     name = next((name for name in formats if FORMATS[name].stamps is not None), "")
-    if name and FORMATS[name].in_datagrams:
-        yield from _of_blocks(path, name)
-        return
-    if not name or (stamps := FORMATS[name].stamps) is None:
+    if not name:
         with_stamps = " or ".join(name for name, one in FORMATS.items() if one.stamps is not None)
         raise InputError(f"feed: got {path} for {', '.join(formats)}, needed a feed of {with_stamps}, or a capture (PCAP)")
+    if FORMATS[name].in_datagrams:
+        return _of_blocks(path, name)
     lines = [line.rstrip(b"\r\n") for line in lines_of(path, Tally())]
-    begin, time_s = 0, -math.inf
+    if not any(AIS_SENTENCE.search(line) for line in lines):
+        raise InputError(f"feed: {path}: got no AIS sentence in {len(lines)} lines, needed !AIVDM or !AIVDO")
+    return _of_lines(lines, name)
+
+
+def _of_capture(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
+    """The messages of a capture by the times of its packets."""
+    for when_s, message, _ in items_of(WireFile(str(path), formats[0], path), Tally()):
+        yield when_s, partial(_constant, formats, [message])
+
+
+def _of_lines(lines: list[bytes], name: str) -> Iterator[Batch]:
+    """Lines by their time stamps. Args: name: of their format."""
+    stamps, begin, time_s = FORMATS[name].stamps, 0, -math.inf
+    assert stamps is not None
     for number, stamp_s in stamps(lines):
         if stamp_s > time_s:
             if math.isfinite(time_s) and number - 1 > begin:
@@ -184,16 +212,18 @@ class _Datagrams:
 class _Stream(Link):
     """A stream that is opened again when it breaks. What is sent while nobody is there is lost, and delays no other feed."""
 
-    def __init__(self, address: Address, stack: ExitStack) -> None:
-        """Raises: OSError that names the address: nobody was there in CONNECT_S."""
+    def __init__(self, address: Address, stack: ExitStack, say: Callable[[str], None]) -> None:
+        """Args: say: as of `send`. Raises: OSError that names the address: nobody was there in CONNECT_S."""
         super().__init__()
         self._address = address
         self._socket: socket.socket | None = None
         self._there, self._broken, self._ended = threading.Event(), threading.Event(), threading.Event()
         self._thread = Reconnecting(self, f"send {address.text}", RETRY).start(self._session, self._ended)
         stack.callback(self._close)
-        if not self._there.wait(CONNECT_S):
-            raise OSError(f"{address.text}: {self.error}")
+        if not self._there.wait(SOON_S):
+            say(f"{address.text}: {self.error or 'nobody is there yet'}; it is tried again for {CONNECT_S:.0f} s")
+            if not self._there.wait(CONNECT_S - SOON_S):
+                raise OSError(f"{address.text}: {self.error}")
 
     def send(self, items: list[bytes]) -> None:
         if items and (connection := self._socket) is not None:
@@ -215,7 +245,7 @@ class _Stream(Link):
     def _close(self) -> None:
         self._ended.set()
         self._broken.set()
-        self._thread.join(LISTEN_S)
+        self._thread.join(END_S)
 
 
 class _File:
@@ -228,13 +258,13 @@ class _File:
             self._file.flush()
 
 
-def _opened(address: Address, stack: ExitStack) -> Sender:
+def _opened(address: Address, stack: ExitStack, say: Callable[[str], None]) -> Sender:
     if address.transport in MQTT_PORTS or FORMATS[address.format].encode is None:
         encoders = " or ".join(", ".join(name for name, one in FORMATS.items() if one.encode).rsplit(", ", 1))
         raise AddressError(f"feed: got {address.text!r}, needed a feed of {encoders} that is not MQTT, to send to it")
     if address.transport == "udp":
         return _Datagrams(address, stack)
-    return _File(address, stack) if address.transport == "file" else _Stream(address, stack)
+    return _File(address, stack) if address.transport == "file" else _Stream(address, stack, say)
 
 
 def _connection(address: Address) -> socket.socket:
