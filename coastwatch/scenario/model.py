@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -269,7 +270,11 @@ class Scenario(Settings):
             cycles = self.warmup_cycles + self.cycles
             return Plan(start_s=self.start_utc.timestamp(), period_s=self.period_s, cycles=cycles)
         feed = self.input
-        if isinstance(feed, VideoFiles) or (isinstance(feed, Tables) and feed.names_sensors()):
+        if isinstance(feed, Tables):
+            after_s = -math.inf if self.start_utc is None else self.start_utc.timestamp()
+            sensors = self.sensors() if feed.names_sensors() else None
+            first_s, stop_s = feed.span(sensors, after_s=after_s, to_the_end=not self.cycles)
+        elif isinstance(feed, VideoFiles):
             first_s, stop_s = feed.span(self.sensors())
         else:
             first_s, stop_s = feed.span()

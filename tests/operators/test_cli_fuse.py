@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from coastwatch.batches import Fault, FileContent
+from coastwatch.errors import InputError
 from coastwatch.formats.intake.accounts import UNUSED
 from coastwatch.formats.intake.ais_validation import AisIntake
 from coastwatch.formats.intake.faults import Tally
@@ -24,6 +25,7 @@ from coastwatch.operators.cli import inputs, main
 from coastwatch.scenario import make_scenario
 from coastwatch.scenario.sites import TrackSource, sensors_of
 from coastwatch.sensors.recorded.files import has_sentences
+from coastwatch.sensors.recorded.merging import DAY_S, FileTimes, check_gaps
 from coastwatch.sensors.recorded.nmea.targets import target_reports
 from coastwatch.sensors.recorded.tables.feed import Tables
 
@@ -307,6 +309,42 @@ def test_files_that_do_not_overlap_in_time_are_warned_of_with_both_spans(
     assert wanted in json.loads(found.out)["warnings"][0]
 
 
+@pytest.mark.parametrize(("gap_s", "warned"), [(1.0, False), (3_500.0, False), (3_700.0, True)])
+def test_parts_of_one_recording_follow_each_other_within_an_hour(gap_s: float, warned: bool) -> None:
+    begins = START_S, START_S + 600.0 + gap_s
+    parts = [FileContent(f"p{begin}.csv", "AIS reports", 5, begin, begin + 600.0) for begin in begins]
+    scenario: Any = SimpleNamespace(radars=(), stations=())
+    assert any("do not overlap" in said for said in inputs.warnings_of_files(scenario, parts, ())) == warned
+    other = [parts[0], replace(parts[1], kind="radar plots")]
+    assert "do not overlap" in inputs.warnings_of_files(scenario, other, ())[0]
+
+
+@pytest.mark.parametrize("part", ["plots", "ais"])
+def test_a_run_over_years_without_reports_is_refused(part: str, files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    head, *lines = (files / f"{part}.csv").read_text().splitlines()
+    later = [f"{float(line.partition(',')[0]) + 4e7},{line.partition(',')[2]}" for line in lines]
+    (files / f"{part}.csv").write_text("\n".join([head, *later]) + "\n")
+    given = ["fuse", "--plots", str(files / "plots.csv"), RADAR, "--ais", str(files / "ais.csv")]
+    given += ["--columns", "time=when,mmsi=ship", "--db", str(files / "x.db")]
+    assert main(given) == 2
+    err = capsys.readouterr().err
+    assert f"{part}.csv (2025-02-19T21:20:0" in err
+    assert "with no report between 2023-11-14T22:16:1" in err
+    assert err.count("\n") == 1
+    assert not (files / "x.db").exists()
+    begin = re.findall(r"--set (\S+)", err)[0]
+    assert main([*given, "--set", begin, "--set", "cycles=20"]) == 0
+
+
+def test_long_recordings_with_reports_are_not_refused() -> None:
+    days = START_S + DAY_S * np.arange(0.0, 100.0, 0.9)
+    check_gaps([FileTimes("a.csv", days), FileTimes("b.nmea", days[[0, -1]] + 90.0 * DAY_S, is_stream=True)], -math.inf)
+    ends = [FileTimes(f"{k}.nmea", START_S + DAY_S * np.array([40.0 * k, 40.0 * k + 1.0]), is_stream=True) for k in range(2)]
+    check_gaps(ends, START_S + 2.0 * DAY_S)
+    with pytest.raises(InputError, match=r"0\.nmea .*, 1\.nmea .*needed less than 31 days"):
+        check_gaps(ends, -math.inf)
+
+
 @pytest.mark.parametrize(
     ("name", "taken", "wanted"),
     [
@@ -397,7 +435,7 @@ def test_what_became_of_every_record_is_said_and_a_lost_one_fails_the_run(
     said = capsys.readouterr().out
     assert "records: 35 read = 30 in reports + 3 names and sizes + 2 refused + 0 set aside" in said
     whole = Tables.span
-    monkeypatch.setattr(Tables, "span", lambda tables: (whole(tables)[0], START_S + 200.0))
+    monkeypatch.setattr(Tables, "span", lambda tables, *_, **__: (whole(tables)[0], START_S + 200.0))
     assert main([*arguments, "--restart", "--json"]) == 1
     out, err = capsys.readouterr()
     assert f"9 {UNUSED}" in err

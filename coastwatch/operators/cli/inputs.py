@@ -15,6 +15,9 @@ from coastwatch.server.run import RunResult
 
 FIRST_RECORDING_S = 315_532_800.0  # 1980
 NEAR_DEG = 3.0
+CUT_S = 3_600.0
+"""Files of one kind that follow each other so soon are one recording, cut in parts."""
+
 UNKNOWN_SENSORS = ("unknown radar", "unknown sonar", "unknown track source")
 
 Box = tuple[float, float, float, float]
@@ -96,14 +99,17 @@ def span_of(file: FileContent) -> str:
 
 
 def _without_overlap(files: Sequence[FileContent]) -> Iterator[str]:
-    """Each file that overlaps no other in time, with the one nearest to it; every pair once."""
+    """Each file that overlaps no other in time, with the one nearest to it; every pair once. One that follows another of its kind within
+    CUT_S is a part of the same recording.
+    """
     named: set[frozenset[int]] = set()
     for k, file in enumerate(files):
         gaps = {
             i: max(file.first_s - other.last_s, other.first_s - file.last_s, 0.0) for i, other in enumerate(files) if i != k
         }
         nearest = min(gaps, key=lambda i: gaps[i], default=k)
-        if gaps and gaps[nearest] > 0.0 and {k, nearest} not in named:
+        allowed_s = CUT_S if file.kind == files[nearest].kind else 0.0
+        if gaps and gaps[nearest] > allowed_s and {k, nearest} not in named:
             named.add(frozenset((k, nearest)))
             yield (
                 f"{file.name} and {files[nearest].name} do not overlap in time: {span_of(file)}, and {span_of(files[nearest])}, "

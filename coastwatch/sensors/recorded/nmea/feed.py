@@ -276,6 +276,7 @@ class Ends(NamedTuple):
     """What the starts and ends of some files say."""
 
     received_s: Floats  # first and last time of reception; empty if there is none
+    of_files_s: tuple[Floats, ...]  # the same of each file
     first_deg: Floats  # (M, 2) positions of the first accepted reports of each file
     faults: tuple[Fault, ...]  # found on the way
 
@@ -283,8 +284,7 @@ class Ends(NamedTuple):
 @lru_cache(maxsize=1)
 def first_and_last(settings: Nmea, files: Fingerprint) -> Ends:
     """What the files hold first and last. A long file is read at its start and at its end only."""
-    firsts, lasts, tally = [math.inf], [-math.inf], Tally()
-    positions = [np.zeros((0, 2))]
+    positions, of_files, tally = [np.zeros((0, 2))], list[Floats](), Tally()
     for path, _, _ in files:
         if not has_sentences(path, "ais"):
             raise InputError(
@@ -294,15 +294,18 @@ def first_and_last(settings: Nmea, files: Fingerprint) -> Ends:
         head = file.head()
         positions.append(head[0].position_deg)
         received = np.concatenate([part.received_s for part in head])
-        if len(received):
-            firsts.append(float(received.min()))
-            lasts.append(float(received.max()))
+        first_s, last_s = float(received.min(initial=math.inf)), float(received.max(initial=-math.inf))
         if not file.is_exhausted:
-            last_s = _last_s(settings, path)
-            lasts.append(_newest_of_all(settings, path) if math.isnan(last_s) else last_s)
-    first_s, last_s = min(firsts), max(lasts)
-    ends = np.array([first_s, last_s] if first_s <= last_s else [], np.float64)
-    return Ends(ends, np.concatenate(positions), tally.faults())
+            end_s = _last_s(settings, path)
+            last_s = max(last_s, _newest_of_all(settings, path) if math.isnan(end_s) else end_s)
+        of_files.append(_ends(first_s, last_s))
+    every = np.concatenate([np.zeros(0), *of_files])
+    ends = _ends(float(every.min(initial=math.inf)), float(every.max(initial=-math.inf)))
+    return Ends(ends, tuple(of_files), np.concatenate(positions), tally.faults())
+
+
+def _ends(first_s: float, last_s: float) -> Floats:
+    return np.array([first_s, last_s] if first_s <= last_s else [], np.float64)
 
 
 def _last_s(settings: Nmea, path: Path) -> float:

@@ -35,7 +35,7 @@ from coastwatch.formats.registry import FORMATS
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
 from coastwatch.sensors.files import WireFile, WireStream, wire_file
 from coastwatch.sensors.recorded.files import fingerprint
-from coastwatch.sensors.recorded.merging import MergedStream, by_arrival, recording, span_of
+from coastwatch.sensors.recorded.merging import FileTimes, MergedStream, by_arrival, check_gaps, recording, span_of
 from coastwatch.sensors.recorded.nmea.feed import Nmea, first_and_last
 from coastwatch.sensors.recorded.nmea.targets import target_reports, target_times
 from coastwatch.sensors.recorded.tables.ais import AisColumns, AisTable
@@ -162,36 +162,48 @@ class Tables(Method):
         streams += [self._video_stream(sensors)] if self.names_sensors() else []
         return replace(loaded, reports=MergedStream(loaded.whole(), streams)) if streams else loaded
 
-    def span(self, sensors: Sensors = NO_SENSORS) -> tuple[float, float]:
-        """Whole seconds before the first and after the last time of reception. Args: sensors: which `feeds` name.
+    def span(
+        self, sensors: Sensors | None = None, *, after_s: float = -math.inf, to_the_end: bool = False
+    ) -> tuple[float, float]:
+        """Whole seconds before the first and after the last time of reception.
 
-        Raises: InputError if no record is usable.
+        Args: sensors: which `feeds` name; after_s: where the run begins, if that is set; to_the_end: it goes to the last report.
+        Raises: InputError if no record is usable, or files are so far apart that a run to the end would be long and mostly empty.
         """
         tally = Tally()
-        received: list[Floats] = []
+        received, of_names = list[FileTimes](), np.zeros(0)
         for part, files, columns in (
             ("plots", self.plots, self.plot_columns),
             ("bearings", self.bearings, self.bearing_columns),
             ("tracks", self.tracks, self.track_columns),
         ):
             for path, _, _ in fingerprint(files):
-                received.append(_received(self, read_table(path, self.separator, tally), part, columns, tally))
+                table = read_table(path, self.separator, tally)
+                received.append(FileTimes(path.name, _received(self, table, part, columns, tally)))
         for path, _, _ in fingerprint(self.track_sentences):
-            received.append(target_times(path, self._assumed_s(), self.intake, tally))
+            received.append(FileTimes(path.name, target_times(path, self._assumed_s(), self.intake, tally)))
         faults = tally.faults()
         if self.ais:
             ais, statics, of_tables = self._ais_table().read()
-            received += [ais.received_s, statics.received_s]
+            of_reports = [ais.received_s[ais.feed == number] for number in range(len(self.ais))]
+            received += [FileTimes(path.name, times) for path, times in zip(self.ais, of_reports, strict=True)]
+            of_names = statics.received_s
             faults = of_tables + faults
         if self.nmea:
             ends = first_and_last(self._nmea(), fingerprint(self.nmea))
-            received.append(ends.received_s)
+            of_files = zip(self.nmea, ends.of_files_s, strict=True)
+            received += [FileTimes(path.name, times, is_stream=True) for path, times in of_files]
             faults = ends.faults + faults
         if self.names_sensors():
-            stream = self._video_stream(sensors)
-            received += stream.spans()
+            stream = self._video_stream(NO_SENSORS if sensors is None else sensors)
+            names = ", ".join(content.name for content in stream.contents())
+            received += [FileTimes(names, times, is_stream=True) for times in stream.spans()]
             faults = stream.faults() + faults
-        return span_of(*received, faults=faults)
+        found = [file for file in received if len(file.received_s)]
+        span = span_of(*(file.received_s for file in found), of_names, faults=faults)
+        if to_the_end:
+            check_gaps(found, after_s)
+        return span
 
     def first_positions(self) -> Floats:
         """Positions of AIS: of the whole tables, and of the starts of files of NMEA and of wire formats. (M, 2) deg"""
