@@ -9,13 +9,13 @@ import math
 import sys
 from collections.abc import Callable, Iterable
 from datetime import datetime
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import lazy_loader
 
 from coastwatch.errors import InputError
 from coastwatch.operators.columns import Kind, digits_of, kind_of, rounded
+from coastwatch.operators.output_file import written
 from coastwatch.spelling import printable
 from coastwatch.store import Rows
 
@@ -69,15 +69,18 @@ def write_text(text: str, output: str | None) -> None:
     if output is None:
         sys.stdout.write(text)
     else:
-        Path(output).write_text(text, "utf-8")
+        with written(output) as file:
+            file.write(text.encode())
 
 
 def write_parquet(frame: polars.DataFrame, output: str | None) -> None:
     """Writes a polars DataFrame. Raises: InputError if there is no path."""
     if output is None:
         raise InputError("Parquet is not text: got no --output, needed --output FILE")
-    with open(output, "wb") as file:
-        frame.write_parquet(file)
+    whole = io.BytesIO()  # polars hides what a disk answers
+    frame.write_parquet(whole)
+    with written(output) as file:
+        file.write(whole.getbuffer())
 
 
 def as_table(rows: Rows, coloured: bool = False) -> str:

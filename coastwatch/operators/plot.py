@@ -20,6 +20,7 @@ from matplotlib.transforms import ScaledTranslation
 from coastwatch.batches import Bools, Flag, Floats
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg, wrap_deg
 from coastwatch.operators import presentation
+from coastwatch.operators.output_file import written
 from coastwatch.operators.scene import AIS_ONLY, BEARING, COASTING, FUSED, RADAR, RADAR_ONLY, SONAR_ONLY, STATION, Scene, load
 from coastwatch.spelling import printable
 
@@ -56,9 +57,10 @@ TURN = np.linspace(0.0, 2.0 * np.pi, 37)
 
 
 def write(scene: Scene, output: str) -> None:
-    """Draws the scene to a PNG file."""
+    """Draws the scene to a PNG file. Raises: OSError."""
     figure = draw(scene)
-    figure.savefig(output, format="png", dpi=150, bbox_inches="tight", pad_inches=0.25, metadata={"Title": scene.title})
+    with written(output) as file:
+        figure.savefig(file, format="png", dpi=150, bbox_inches="tight", pad_inches=0.25, metadata={"Title": scene.title})
 
 
 def draw_run(database: str, run_id: int, shore: str) -> tuple[dict[str, int], bytes]:

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from coastwatch.batches import Array, Floats, RadarVideo, Videos
 from coastwatch.errors import InputError
 from coastwatch.geodesy import NAUTICAL_MILE_M
+from coastwatch.operators.output_file import written
 from coastwatch.operators.presentation import utc_text
 from coastwatch.plots import ExtractionInput, HeadingMemory, true_azimuths
 from coastwatch.scenario import Scenario
@@ -200,4 +201,6 @@ def draw(turn: RadarTurn) -> Figure:
 
 def write(turn: RadarTurn, output: str) -> None:
     """Draws the turn to a PNG file. Raises: OSError."""
-    draw(turn).savefig(output, format="png", dpi=DPI, metadata={"Title": turn.title.partition("\n")[0]})
+    figure = draw(turn)
+    with written(output) as file:
+        figure.savefig(file, format="png", dpi=DPI, metadata={"Title": turn.title.partition("\n")[0]})

@@ -15,6 +15,7 @@ from coastwatch import store
 from coastwatch.batches import Array, Floats, nav_status_text
 from coastwatch.errors import InputError, StoreError
 from coastwatch.operators.export import csv_cell, write_parquet
+from coastwatch.operators.output_file import written
 from coastwatch.operators.presentation import flag_words
 from coastwatch.store import Recorded, Store
 from coastwatch.store.rows import motion
@@ -50,10 +51,14 @@ def write(
     if form == "parquet":
         write_parquet(polars.concat([first, *frames]), output)
         return
-    with nullcontext(sys.stdout) if output is None else open(output, "w", encoding="utf-8", newline="") as file:
+    with nullcontext() if output is None else written(output) as file:
         for number, frame in enumerate(chain([first], frames)):
             text = frame.with_columns(polars.col("flags").list.join(" "))
-            file.write(text.write_csv(include_header=number == 0, datetime_format=INSTANT))
+            lines = text.write_csv(include_header=number == 0, datetime_format=INSTANT)
+            if file is None:
+                sys.stdout.write(lines)
+            else:
+                file.write(lines.encode())
 
 
 def _frame(recorded: Recorded, names: Mapping[int, str]) -> polars.DataFrame:

@@ -6,6 +6,7 @@ import io
 import json
 from collections import namedtuple
 from pathlib import Path
+from typing import IO
 
 import polars
 import pytest
@@ -52,6 +53,29 @@ def test_geojson_puts_longitude_first_and_nothing_where_there_is_no_position() -
     assert features[2]["geometry"] is None
     with pytest.raises(InputError, match="latitude_deg"):
         export.as_geojson(Rows(("stage", "median_ms"), [("tracks", 1.0)]))
+
+
+@pytest.mark.parametrize("form", ["csv", "table", "parquet"])
+def test_a_file_of_a_full_disk_is_named_and_as_it_was_before(
+    form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(output: Path, mode: str) -> IO[bytes]:
+        return io.BufferedWriter(io.FileIO("/dev/full", "w"))
+
+    old = tmp_path / "old"
+    old.write_text("old")
+    old.chmod(0o640)
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "open", full)
+        for path, kept in ((old, "the old file is kept"), (tmp_path / "new", "no file is left")):
+            with pytest.raises(OSError, match=f"{path}: got a full disk, needed room for the file: {kept}"):
+                export.write(SHIPS, form, str(path))
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("old", "old")]
+    (tmp_path / "link").symlink_to(old)
+    export.write(SHIPS, form, str(tmp_path / "link"))
+    assert old.read_bytes()[:3] != b"old"
+    assert old.stat().st_mode & 0o777 == 0o640
+    assert (tmp_path / "link").is_symlink()
 
 
 def test_parquet_keeps_types_and_needs_a_file(tmp_path: Path) -> None:

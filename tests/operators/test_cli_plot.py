@@ -76,6 +76,7 @@ def test_a_png_is_written(tmp_path: Path) -> None:
     plot.write(a_scene((-22.9, -43.1)), str(path))
     assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     assert path.stat().st_size > 20_000
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_the_legend_counts_what_is_drawn() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import threading
 from pathlib import Path
 
@@ -59,6 +60,21 @@ def test_a_copy_that_is_taken_while_a_run_writes_has_whole_cycles_and_is_restore
     with pytest.raises(FileExistsError, match="is there already"):
         kept.restore(copy, str(back))
     assert [found.name for found in tmp_path.iterdir() if found.name.endswith(".part")] == []
+
+
+def test_a_copy_without_room_is_named_and_nothing_of_it_is_left(tmp_path: Path) -> None:
+    with kept.open_store(str(tmp_path / "x.db")) as store:
+        run = world.begin(store)
+        for number in range(3):
+            world.write(store, run, number)
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, before[1]))
+        try:
+            with pytest.raises(StoreError, match=r"^(disk full|file cannot grow): \S+/copy\.db: .*; no copy is left$"):
+                kept.backup(store, tmp_path / "copy.db")
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.glob("copy*")) == []
 
 
 def test_damage_is_not_restored(tmp_path: Path) -> None:

@@ -288,7 +288,7 @@ def _message(store: Store, error: BaseException | None) -> str:
         return f"the question took longer than {store.limit.seconds:g} s: ask for a smaller box or a shorter time"
     if "locked" in low or "lock timeout" in low:
         return f"database is locked by another process: {store.where} (waited {store.wait_s:g} s); end it, or use another --db"
-    if WRITE_FAILED in low or any(sign in low for sign in FULL):
+    if is_full(message):
         return cannot_grow(store.where, message.split("\n")[0], is_file=store.engine.dialect.name == "sqlite")
     if "not a database" in low:
         return f"{store.where}: is not an SQLite database"
@@ -299,10 +299,19 @@ def _message(store: Store, error: BaseException | None) -> str:
     return f"{store.where}: {message.splitlines()[0] if message else type(error).__name__}"
 
 
-def cannot_grow(where: str, message: str, *, is_file: bool) -> str:
+KEPT = "every whole cycle stored so far is kept"
+
+
+def is_full(message: str) -> bool:
+    """Whether a driver says that it could not write."""
+    return WRITE_FAILED in message.lower() or any(sign in message.lower() for sign in FULL)
+
+
+def cannot_grow(where: str, message: str, *, is_file: bool, kept: str = KEPT) -> str:
     """Why a database could not be written: its disk is full, its file has reached the limit of this process, or neither is known.
 
-    Args: where: path of an SQLite file, or for messages; message: the driver's; is_file: whether `where` is a path.
+    Args: where: path of an SQLite file, or for messages; message: the driver's; is_file: whether `where` is a path; kept: what is not
+    lost.
     """
     full = any(sign in message.lower() for sign in FULL)
     folder = Path(where).absolute().parent
@@ -313,7 +322,7 @@ def cannot_grow(where: str, message: str, *, is_file: bool) -> str:
     else:
         head = "disk full" if full or (free is not None and free < LEAST_FREE_BYTES) else "cannot be written"
         why = "" if free is None else f"{free / 1e6:.1f} MB free in {folder}: "
-    return f"{head}: {where}: {why}{message}; every whole cycle stored so far is kept"
+    return f"{head}: {where}: {why}{message}; {kept}"
 
 
 def _size(path: Path) -> int:

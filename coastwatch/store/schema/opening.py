@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from contextlib import closing, suppress
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 from sqlalchemy import func, select
@@ -14,7 +15,9 @@ from coastwatch.store.schema.database import (
     WAIT_S,
     QueryLimit,
     Store,
+    cannot_grow,
     connect,
+    is_full,
     other_schema,
     reading,
     refusals,
@@ -84,9 +87,9 @@ def backup(store: Store, path: Path) -> int:
     part = path.with_name(path.name + PART)
     part.unlink(missing_ok=True)
     try:
-        with refusals(store), store.engine.connect() as connection:
+        with refusals(store), _room_for(path), store.engine.connect() as connection:
             sqlite_connection(connection).execute("VACUUM INTO ?", (str(part),))
-        with refusals(store), closing(sqlite3.connect(part)) as raw:
+        with refusals(store), _room_for(path), closing(sqlite3.connect(part)) as raw:
             verdict = raw.execute("PRAGMA quick_check").fetchone()[0]
             raw.execute("PRAGMA journal_mode = WAL")  # as every database has it
         if verdict != "ok":
@@ -101,6 +104,17 @@ def backup(store: Store, path: Path) -> int:
         raise
     _put_on_disk(path.parent)
     return path.stat().st_size
+
+
+@contextmanager
+def _room_for(path: Path) -> Iterator[None]:
+    """Raises: StoreError where there is no room for a copy; it names the copy, not the database."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        if not is_full(str(error)):
+            raise
+        raise StoreError(cannot_grow(str(path), str(error), is_file=True, kept="no copy is left")) from error
 
 
 def restore(source: Path, url: str) -> int:
