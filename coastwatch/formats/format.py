@@ -53,6 +53,10 @@ def _report_sources(decoders: Sequence[Decoder]) -> list[ReportsBetween]:
     return [decoder.reports_between for decoder in decoders]
 
 
+NAMED_BY_CODES = "SAC/SIC"
+"""An option of ASTERIX: the name of a radar or a track source, by the numbers of its system area and its code."""
+
+
 def line_length(data: bytes, begin: int) -> int:
     """As `Format.length`, of a line with its end."""
     return data.find(b"\n", begin) + 1 - begin
@@ -76,6 +80,7 @@ class Format:
     stamps: Callable[[list[bytes]], Iterator[tuple[int, float]]] | None = None
     """Of recorded lines: (number from 1 on, Unix time) of those that have a time; of datagrams the time of day, s. With it
     `coastwatch feed` can send a file."""
+    options: tuple[str, ...] = ()  # that it takes behind '?' of an address, beside the name
     needs_site: bool = False  # its pictures are of ranges and bearings
     own_source: bool = False  # a feed is a track source by itself, of the name of the feed
     numbered: bool = False  # its reports have the number of their feed

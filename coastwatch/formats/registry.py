@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from coastwatch.batches import Sensors
@@ -10,15 +11,30 @@ from coastwatch.formats.asterix.decoder import ASTERIX
 from coastwatch.formats.asterix.video_feed import VIDEO
 from coastwatch.formats.cot import COT
 from coastwatch.formats.decoding import Decoder, FeedSettings, OptionError, ReportsBetween
-from coastwatch.formats.format import Format
+from coastwatch.formats.format import NAMED_BY_CODES, Format
 from coastwatch.formats.json_lines import JSON
 from coastwatch.formats.nmea.ais import AIS
 from coastwatch.formats.nmea.headings import HEADING
 from coastwatch.formats.nmea.targets import TLL, TTM
+from coastwatch.spelling import did_you_mean
 
 FORMATS: dict[str, Format] = {one.name: one for one in (AIS, ASTERIX, TTM, JSON, COT, TLL, VIDEO, HEADING)}
+CODES = re.compile(r"\d+/\d+")
 DECODED = tuple(name for name, one in FORMATS.items() if one.decoder is not None)
 PICTURES = tuple(name for name, one in FORMATS.items() if one.pictures is not None)
+
+
+def check_options(format_: str, text: str, options: Mapping[str, str], more: Sequence[str] = ()) -> None:
+    """Refuses an option behind '?' of an address that its format does not take.
+
+    Args: text: the address, as it was given; more: what its transport takes. Raises: OptionError that names those that are known.
+    """
+    known = ("name", *FORMATS[format_].options, *more)
+    for key in options:
+        if key not in known and not (NAMED_BY_CODES in known and CODES.fullmatch(key)):
+            raise OptionError(
+                f"feed: got the option {key} in {text!r}, needed one of {', '.join(known)}{did_you_mean(key, known)}"
+            )
 
 
 def decoders_of(

@@ -17,7 +17,7 @@ from coastwatch.errors import InputError
 from coastwatch.formats.decoding import DROPPED, LATE, Decoder, FeedSettings, Item, decode
 from coastwatch.formats.format import Format
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
-from coastwatch.formats.registry import DECODED, FORMATS, decoders_of
+from coastwatch.formats.registry import DECODED, FORMATS, check_options, decoders_of
 from coastwatch.sensors.captures import Bytes, datagrams, is_capture
 from coastwatch.sensors.recorded.files import existing_path, opened
 
@@ -61,13 +61,14 @@ def wire_file(text: str) -> WireFile:
     """The file of an address such as asterix+file:plots.pcap?port=8600. Raises: InputError."""
     parts = urlsplit(text, allow_fragments=False)
     format_, _, transport = parts.scheme.partition("+")
-    path, options = unquote(parts.netloc + parts.path), dict(parse_qsl(parts.query))
+    path, options = unquote(parts.netloc + parts.path), dict(parse_qsl(parts.query, keep_blank_values=True))
     port = options.pop("port", None)
     if format_ not in DECODED or transport != "file" or not path or (port is not None and not port.isdecimal()):
         raise InputError(
             f"feed: got {text!r}, needed FORMAT+file:PATH with FORMAT one of {', '.join(DECODED)}, e.g. "
             "asterix+file:plots.pcap?port=8600, json+file:bearings.jsonl"
         )
+    check_options(format_, text, options, ("port",) if FORMATS[format_].numbered else ("port", "source"))
     return WireFile(text, format_, Path(path), options, None if port is None else int(port))
 
 

@@ -83,6 +83,17 @@ CASES: dict[str, tuple[str, int, str]] = {
     "no file to send": ("feed none.nmea --to ais+udp://127.0.0.1:22510", 2, "none.nmea: there is no such file"),
     "no path to send": ("feed ./none --to ais+udp://127.0.0.1:22510", 2, "none: there is no such file"),
     "no scenario to send": ("feed guanabra --to ais+udp://127.0.0.1:22510", 2, "scenario: got 'guanabra', needed one of"),
+    "an option of a feed": (
+        "serve guanabara --feed ais+file:l.nmea?form=start", 2, "got the option form in .* of name, from; did you mean 'from'?"
+    ),
+    "an option of another format": ("serve guanabara --feed ais+tcp://h:1?25/1=north", 2, "got the option 25/1 in .*, needed one of name$"),
+    "an option of no format": ("feed guanabara --to ais+tcp://127.0.0.1:22511?bogus", 2, "got the option bogus in .*, needed one of name$"),
+    "an option of video": ("serve guanabara --feed video+udp://:1?25-1=north", 2, "got the option 25-1 .* name, SAC/SIC, date, interface"),
+    "an option of a broker": ("serve guanabara --feed ais+mqtt://h/t?usr=me", 2, "option usr .* user, password-file; did you mean 'user'"),
+    "an option of a file": ("fuse --feed json+file:a.jsonl?prot=3", 2, "option prot in .*, needed one of name, port, source"),
+    "an option of an output": ("serve guanabara --out cot+udp://h:1?rat=2", 2, "out: got the option rat in .*, needed one of rate;"),
+    "an option of a region": ("serve guanabara --role centre --region ws://h:1?nam=a", 2, r"region: got .* .unknown: nam., needed"),
+    "where a file is read from": ("serve guanabara --feed ais+file:l.nmea?from=end", 2, "feed: got from=end in .*, needed from=start"),
     "a format as an option": ("picture --gpx", 2, "got '--gpx', .*; did you mean '--format gpx'?"),
     "an empty CSV": ("fuse --ais empty.csv", 2, "empty.csv: got an empty file"),
     "a folder for a CSV": ("fuse --ais folder", 2, "folder: got a folder, needed a file"),

@@ -21,7 +21,7 @@ from coastwatch.batches import Floats, RadarReports, Radars, Reports, Sensors, T
 from coastwatch.formats.asterix.system_tracks import SystemTracks
 from coastwatch.formats.asterix.tracks import Track, quantity_of, reports_of, track_of, uint_of
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
-from coastwatch.formats.format import Format, SensorNames
+from coastwatch.formats.format import NAMED_BY_CODES, Format, SensorNames
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import NAUTICAL_MILE_M
 
@@ -300,6 +300,7 @@ def block_length(data: bytes, begin: int) -> int:
 ASTERIX = Format(
     "asterix",
     decoder=_decoder,
+    options=(NAMED_BY_CODES, "date", "source"),
     encode=encode,
     encodes=("radar",),
     pictures=SystemTracks,

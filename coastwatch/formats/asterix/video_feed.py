@@ -18,7 +18,7 @@ from coastwatch.formats.asterix.decoder import DAY_S, SAC, Origin, block_length,
 from coastwatch.formats.asterix.spokes import HALF_LIGHT_M_FS, SpokeJoiner
 from coastwatch.formats.asterix.video import MOST_CELLS, VideoMessage, VideoText, decode, encode
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps
-from coastwatch.formats.format import Format, SensorNames
+from coastwatch.formats.format import NAMED_BY_CODES, Format, SensorNames
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.video_state import VideoState
 
@@ -305,6 +305,7 @@ def stamps(blocks: list[bytes]) -> Iterator[tuple[int, float]]:
 VIDEO = Format(
     "video",
     decoder=_decoder,
+    options=(NAMED_BY_CODES, "date"),
     encode=datagrams,
     encodes=("video",),
     renumber=renumbered,

@@ -99,4 +99,4 @@ def _sentences(reports: Reports, names: SensorNames) -> list[bytes]:
     return lines
 
 
-HEADING = Format("heading", decoder=_decoder, encode=_sentences, encodes=("headings",))
+HEADING = Format("heading", decoder=_decoder, encode=_sentences, encodes=("headings",), options=("radar",))

@@ -317,5 +317,5 @@ def _pictures(to: OutSettings) -> TargetEncoder:
     return TargetEncoder(to.site_deg)
 
 
-TTM = Format("ttm", decoder=_decoder, pictures=_pictures, needs_site=True, own_source=True)
+TTM = Format("ttm", decoder=_decoder, pictures=_pictures, options=("source", "site"), needs_site=True, own_source=True)
 TLL = Format("tll", pictures=_pictures)

@@ -7,11 +7,19 @@ from ipaddress import AddressValueError, IPv4Address
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from coastwatch.errors import AddressError
-from coastwatch.formats.decoding import FeedSettings
-from coastwatch.formats.registry import DECODED, FORMATS
+from coastwatch.formats.decoding import FeedSettings, OptionError
+from coastwatch.formats.registry import DECODED, FORMATS, check_options
 
 TRANSPORTS = ("tcp", "listen", "udp", "file", "mqtt", "mqtts")
 MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
+OPTIONS = {
+    "file": ("from",),
+    "udp": ("interface",),
+    "mqtt": ("user", "password-file"),
+    "mqtts": ("user", "password-file", "ca-file"),
+}
+"""What a transport takes behind '?'."""
+
 LONGEST_NAME = 32  # of a source
 EXAMPLES = "ais+tcp://host:10110, ais+listen://127.0.0.1:10110, asterix+udp://127.0.0.1:8600, video+udp://239.192.0.1:8600"
 
@@ -60,7 +68,13 @@ def parsed(text: str) -> Address:
             f"feed: got {text!r}, needed FORMAT+TRANSPORT://ADDRESS with FORMAT one of {', '.join(DECODED)} and TRANSPORT one of "
             f"{', '.join(TRANSPORTS)}, e.g. {EXAMPLES}"
         )
-    options = dict(parse_qsl(parts.query))
+    options = dict(parse_qsl(parts.query, keep_blank_values=True))
+    try:
+        check_options(format_, text, options, OPTIONS.get(transport, ()))
+    except OptionError as error:
+        raise AddressError(str(error)) from None
+    if options.get("from", "start") != "start":
+        raise AddressError(f"feed: got from={options['from']} in {text!r}, needed from=start: else only what is added is read")
     if transport == "file":
         path = unquote(parts.netloc + parts.path)
         if not path or FORMATS[format_].in_datagrams:

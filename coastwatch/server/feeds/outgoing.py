@@ -24,6 +24,7 @@ from coastwatch.formats.format import OutSettings, Vessels
 from coastwatch.formats.registry import FORMATS, PICTURES
 from coastwatch.server.link import Backoff, FeedState, Link, Reconnecting
 from coastwatch.server.live_picture import LivePicture
+from coastwatch.spelling import did_you_mean
 
 TRANSPORTS = ("udp", "tcp")
 EXAMPLES = "cot+udp://239.2.3.1:6969, cot+tcp://tak.example:8087, ttm+udp://10.0.0.7:10110?site=50.795,-1.105"
@@ -50,14 +51,19 @@ def parsed_out(text: str) -> OutAddress:
     """The address of cot+udp://239.2.3.1:6969 or ttm+udp://HOST:PORT?site=LAT,LON&rate=200. Raises: AddressError."""
     parts = urlsplit(text)
     format_, _, transport = parts.scheme.partition("+")
-    options = dict(parse_qsl(parts.query))
+    options = dict(parse_qsl(parts.query, keep_blank_values=True))
+    if format_ in PICTURES and (unknown := sorted(set(options) - {"rate", "site"})):
+        known = "rate, site" if FORMATS[format_].needs_site else "rate"
+        raise AddressError(
+            f"out: got the option {unknown[0]} in {text!r}, needed one of {known}{did_you_mean(unknown[0], ('rate', 'site'))}"
+        )
     try:
         port = parts.port or 0
         rate = float(options.get("rate", RATE))
         site = tuple(float(part) for part in options["site"].split(",")) if "site" in options else None
     except ValueError:
         port, rate, site = 0, 0.0, None
-    is_usable = format_ in PICTURES and transport in TRANSPORTS and set(options) <= {"rate", "site"}
+    is_usable = format_ in PICTURES and transport in TRANSPORTS
     if not is_usable or not parts.hostname or not port or not 0.1 <= rate <= 1e5:
         raise AddressError(
             f"out: got {text!r}, needed FORMAT+TRANSPORT://HOST:PORT with FORMAT one of {', '.join(PICTURES)}, TRANSPORT udp or tcp, and "

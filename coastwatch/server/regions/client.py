@@ -59,7 +59,7 @@ def parsed_region(text: str) -> RegionAddress:
     """
     parts = urlsplit(text)
     of_stream = parts.scheme in STREAM_SCHEMES
-    options, stream = dict(parse_qsl(parts.query)), parts.path.strip("/") if of_stream else ""
+    options, stream = dict(parse_qsl(parts.query, keep_blank_values=True)), parts.path.strip("/") if of_stream else ""
     try:
         good = parts.scheme in ("ws", "wss", *STREAM_SCHEMES) and bool(parts.hostname) and (parts.port or 1) > 0
     except ValueError:
