@@ -17,5 +17,9 @@ class StoreError(ExplainedError):
     """The database cannot do what was asked; the message says which database, why, and what to do."""
 
 
+class DatabaseAddressError(StoreError, InputError):
+    """A URL that names no database of a known kind: exit code 2."""
+
+
 class RunFailedError(ExplainedError):
     """The run of a server has failed for good: the process ends with exit code 1, and whatever started it may start it again."""

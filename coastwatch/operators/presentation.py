@@ -409,8 +409,13 @@ def questions() -> Rows:
     return Rows(("question", "answers", "parameters"), rows)
 
 
-def answer(database: Store, name: str, parameters: Mapping[str, str], at_s: float | None = None) -> Rows:
-    """The answer to a question, now or at an instant. Raises: InputError, StoreError."""
+def answer(
+    database: Store, name: str, parameters: Mapping[str, str], at_s: float | None = None, typed: Mapping[str, str] = {}
+) -> Rows:
+    """The answer to a question, now or at an instant.
+
+    Args: typed: the options by which parameters were given, by parameter. Raises: InputError, StoreError.
+    """
     queries = store.operator_queries()
     if name not in queries:
         raise InputError(f"query: got {name!r}, needed one of {', '.join(queries)}{did_you_mean(name, queries)}")
@@ -418,8 +423,8 @@ def answer(database: Store, name: str, parameters: Mapping[str, str], at_s: floa
     unknown = [key for key in parameters if key not in (*takes, "run")]
     missing = [key for key, p in takes.items() if p.default is None and key not in parameters]
     if unknown or missing:
-        got = f"got {', '.join(unknown)}" if unknown else f"got no {', '.join(missing)}"
-        hint = did_you_mean(unknown[0], takes) if unknown else ""
+        got = f"got {', '.join(typed.get(key, key) for key in unknown)}" if unknown else f"got no {', '.join(missing)}"
+        hint = did_you_mean(unknown[0], takes) if unknown and unknown[0] not in typed else ""
         raise InputError(f"query {name}: {got}, needed --set with {', '.join((*takes, 'run'))}{hint}")
     try:
         return in_operator_units(store.operator_query(database, name, parameters, at_s))

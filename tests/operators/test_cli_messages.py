@@ -104,8 +104,12 @@ CASES: dict[str, tuple[str, int, str]] = {
     "a column": (
         "fuse --ais bytes.csv --columns mmsy=mmsi", 2, "--columns: got 'mmsy', needed one of ais: .*; did you mean 'mmsi'?"
     ),
-    "an unknown kind of database": ("picture --db postgres://x/y", 1, "a database of 'postgres', needed .*; did you mean 'postgresql'?"),
-    "another kind of database": ("picture --db mysql://x/y", 1, "database: got 'mysql://x/y', a database of 'mysql', needed"),
+    "an unknown kind of database": ("picture --db postgres://x/y", 2, "a database of 'postgres', needed .*; did you mean 'postgresql'?"),
+    "another kind of database": ("picture --db mysql://x/y", 2, "database: got 'mysql://x/y', a database of 'mysql', needed"),
+    "an empty database name": ("picture --db=", 2, "--db: got an empty text, needed a URL or the path of an SQLite file"),
+    "an empty database name of a run": ("run guanabara --db=", 2, "--db: got an empty text, needed"),
+    "an empty database name of a server": ("serve --db=", 2, "--db: got an empty text, needed"),
+    "an upgrade of nothing": ("db upgrade --db foo://bar", 2, "database: got 'foo://bar', a database of 'foo', needed the path"),
     "no database": ("picture --db none.db", 1, "none.db: there is no such database; `coastwatch run` makes one"),
     "a folder for a database": ("picture --db folder", 1, "folder: is a folder, needed a database file"),
     "an empty database": ("picture --db empty.db", 1, "empty.db: holds no tables"),
@@ -119,6 +123,11 @@ CASES: dict[str, tuple[str, int, str]] = {
     "a parameter": (
         "query dark_vessels --set min_sog=3 --db ours.db", 2, "query dark_vessels: got min_sog, needed .*; did you mean 'min_sog_kn'?"
     ),
+    "an option of another question": (
+        "query dark_vessels --from 2025-06-01 --db ours.db", 2, "query dark_vessels: got --from, needed --set with min_sog_kn"
+    ),
+    "a limit of all rows": ("track 1 --format csv --limit 2 --db ours.db", 2, "track --limit: got it with --format csv, needed"),
+    "a picture that is no PNG": ("plot --output a.jpg --db ours.db", 2, "--output: got 'a.jpg', needed a name that ends with .png"),
     "a kind of alarm": ("query alarms --kind darc --db ours.db", 2, "parameter kind: got 'darc', needed .*; did you mean 'dark'?"),
     "a command": ("pictur", 2, "COMMAND: got 'pictur', needed one of run, .*; did you mean 'picture'?"),
     "an option": ("picture --bbix 1,2,3,4", 2, "picture: got '--bbix 1,2,3,4', which it does not take; did you mean '--bbox'?"),
@@ -160,6 +169,15 @@ def test_what_is_wrong_is_said_in_a_sentence_of_ours(case: str, here: Path, caps
     assert err.count("\n") == 1
     assert re.search(wanted.replace("?", r"\?"), err), err
     assert not FOREIGN.search(err.removeprefix("coastwatch: error: ")), err
+
+
+@pytest.mark.parametrize("command", ["runs", "sensors"])
+def test_the_help_of_a_command_is_of_its_own_formats(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    said = capsys.readouterr().out
+    assert "csv" in said
+    assert not re.search("gpx|parquet", said, re.IGNORECASE)
 
 
 def test_control_characters_of_what_was_typed_are_escaped(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NoReturn
 
 from coastwatch.errors import InputError
@@ -64,7 +65,7 @@ def completed_by(action: argparse.Action, function: str | None = None) -> None:
 
 def add_db(parser: Parser) -> None:
     text = f"database: SQLAlchemy URL, or path of an SQLite file (default: {DEFAULT_DB}, in the working directory)"
-    completed_by(parser.add_argument("--db", metavar="URL", default=DEFAULT_DB, help=text))
+    completed_by(parser.add_argument("--db", metavar="URL", type=database, default=DEFAULT_DB, help=text))
 
 
 def add_run(parser: Parser) -> None:
@@ -94,10 +95,11 @@ FORMATS = ("table", "csv", "json", "geojson", "gpx", "parquet")
 
 
 def add_format(parser: Parser, formats: Sequence[str] = FORMATS) -> None:
-    parser.add_argument("--format", choices=formats, default="table", help="default: table; gpx: waypoints for a chart plotter")
+    text = "default: table; gpx: waypoints for a chart plotter" if "gpx" in formats else "default: table"
+    parser.add_argument("--format", choices=formats, default="table", help=text)
     text = "the same as --format json: one JSON list, an object per row"
     parser.add_argument("--json", action="store_const", const="json", dest="format", help=text)
-    add_output(parser)
+    add_output(parser, parquet="parquet" in formats)
 
 
 def add_rows(parser: Parser, formats: Sequence[str] = FORMATS) -> None:
@@ -109,8 +111,8 @@ def add_rows(parser: Parser, formats: Sequence[str] = FORMATS) -> None:
     parser.add_argument("--columns", metavar="NAME,...", type=names, default=(), help="only these columns, in this order")
 
 
-def add_output(parser: Parser) -> None:
-    text = "write to this file instead of the terminal; Parquet needs it"
+def add_output(parser: Parser, *, parquet: bool = True) -> None:
+    text = "write to this file instead of the terminal" + ("; Parquet needs it" if parquet else "")
     completed_by(parser.add_argument("--output", metavar="FILE", help=text))
 
 
@@ -128,6 +130,20 @@ def add_running(parser: Parser) -> None:
     one: dict[str, Any] = {"action": "store_true"}
     parser.add_one_of({"--resume": {**one, "help": resume}, "--restart": {**one, "help": restart}})
     parser.add_argument("--json", action="store_true", help="print one JSON object: scores, timings_s, database and more")
+
+
+def database(text: str) -> str:
+    """A URL or path, as it is: an empty one is that of a shell variable without a value."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("got an empty text, needed a URL or the path of an SQLite file")
+    return text
+
+
+def png_file(text: str) -> str:
+    """The name of a PNG file."""
+    if (suffix := Path(text).suffix) and suffix.lower() != ".png":
+        raise argparse.ArgumentTypeError(f"got {text!r}, needed a name that ends with .png: only PNG is drawn")
+    return text
 
 
 def pair(text: str) -> tuple[str, str]:

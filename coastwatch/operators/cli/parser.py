@@ -27,7 +27,9 @@ from coastwatch.operators.cli.arguments import (
     column_names,
     completed_by,
     count,
+    database,
     pair,
+    png_file,
     position,
     seed,
     sensor,
@@ -205,7 +207,11 @@ def serve(parser: Parser) -> None:
     """
     from coastwatch.server.deployment import FROM_FILE_ALONE, Deployment, Option, flag  # other commands do not wait for it
 
-    narrower: dict[str, Callable[[str], object]] = {"workers": workers, "speed": speed}  # ranges refused in one sentence
+    narrower: dict[str, Callable[[str], object]] = {
+        "workers": workers,
+        "speed": speed,
+        "db": database,
+    }  # ranges refused in one sentence
     for name, field in Deployment.model_fields.items():
         if name in FROM_FILE_ALONE:
             continue
@@ -317,7 +323,7 @@ def track(parser: Parser) -> None:
     add_run(parser)
     add_format(parser)
     parser.add_argument(
-        "--limit", metavar="N", type=count, default=20, help="newest rows of each table that are shown (default: 20)"
+        "--limit", metavar="N", type=count, help="of --format table: newest rows of each table that are shown (default: 20)"
     )
     text = "show where it was by what came later: states that a tracker decided and smoothed (`multi_hypothesis`)"
     parser.add_argument("--decided", action="store_true", help=text)
@@ -424,7 +430,9 @@ def plot(parser: Parser) -> None:
     add_db(parser)
     add_run(parser)
     add_moment(parser)
-    parser.add_argument("--output", metavar="PNG", default="picture.png", help="file to write (default: picture.png)")
+    parser.add_argument(
+        "--output", metavar="PNG", type=png_file, default="picture.png", help="file to write (default: picture.png)"
+    )
     text = (
         "GeoJSON of land or shore lines, or none (default: the scenario's, if it has one, else Natural Earth 1:10m for a frame of 8 NM "
         "or more)"

@@ -61,10 +61,19 @@ def runs(options: argparse.Namespace) -> int:
     return 0
 
 
+NEWEST_ROWS = 20
+"""Of each table of a vessel, unless the options say."""
+
+
 def track(options: argparse.Namespace) -> int:
+    if options.limit is not None and options.format != "table":
+        raise InputError(
+            f"track --limit: got it with --format {options.format}, needed --format table: the others have all rows"
+        )
+    limit = NEWEST_ROWS if options.limit is None else options.limit
     with _run(options) as (store, run):
         if options.decided:
-            return _decided(options, presentation.decided_path(store, run["id"], options.vessel))
+            return _decided(options, limit, presentation.decided_path(store, run["id"], options.vessel))
         vessel = presentation.vessel(store, run, options.vessel)
     if options.format == "json":
         export.write_text(json.dumps(export.as_vessel(vessel), allow_nan=False) + "\n", options.output)
@@ -75,20 +84,20 @@ def track(options: argparse.Namespace) -> int:
     else:
         text = [f"{name.replace('_', ' '):<16} {export.cell(name, value)}\n" for name, value in vessel.details.items()]
         for title, rows in vessel.tables.items():
-            left_out = f", the newest {options.limit} of {len(rows.rows)}" if len(rows.rows) > options.limit else ""
+            left_out = f", the newest {limit} of {len(rows.rows)}" if len(rows.rows) > limit else ""
             meaning = f" (statistic: {vessel.meanings[title]})" if rows.rows and title in vessel.meanings else ""
-            newest = Rows(rows.columns, rows.rows[-options.limit :])
+            newest = Rows(rows.columns, rows.rows[-limit:])
             text.append(f"\n{title}{left_out}{meaning}\n{export.as_table(newest)}")
         export.write_text("".join(text), options.output)
     return 0
 
 
-def _decided(options: argparse.Namespace, rows: Rows) -> int:
-    """Writes the corrected past of a vessel."""
+def _decided(options: argparse.Namespace, limit: int, rows: Rows) -> int:
+    """Writes the corrected past of a vessel. Args: limit: newest rows of a table."""
     if options.format == "gpx":
         export.write_text(export.as_gpx_track(f"vessel {options.vessel}, decided", [rows] if rows.rows else []), options.output)
         return 0
-    newest = Rows(rows.columns, rows.rows[-options.limit :]) if options.format == "table" else rows
+    newest = Rows(rows.columns, rows.rows[-limit:]) if options.format == "table" else rows
     export.write(newest, options.format, options.output)
     return 0
 
@@ -173,7 +182,8 @@ def query(options: argparse.Namespace) -> int:
         if value is not None and parameters.setdefault(key, str(value)) != str(value):
             raise InputError(f"query: got {option} {value} and --set {key}={parameters[key]}, needed one of them")
     with presentation.opened(options.db) as store:
-        rows = presentation.answer(store, options.name, parameters, options.at)
+        typed = {key: option for key, (option, value) in asked.items() if value is not None}
+        rows = presentation.answer(store, options.name, parameters, options.at, typed)
         if options.at is not None:
             warn_beyond_end(store, presentation.run(store, int(parameters["run"]) if "run" in parameters else None), options.at)
     _write(rows, options)

@@ -22,7 +22,7 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insp
 from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
-from coastwatch.errors import StoreError
+from coastwatch.errors import DatabaseAddressError, StoreError
 from coastwatch.spelling import did_you_mean
 from coastwatch.store.schema.tables import METADATA, REVISION, REVISION_TABLE
 
@@ -138,7 +138,7 @@ def connect(url: str, wait_s: float, *, may_create: bool, limit: QueryLimit | No
             pool_pre_ping=not is_sqlite(address),
         )
     except (ArgumentError, NoSuchModuleError) as error:
-        raise StoreError(f"{where}: got an unknown driver, needed {URLS}") from error
+        raise DatabaseAddressError(f"{where}: got an unknown driver, needed {URLS}") from error
     except ModuleNotFoundError as error:
         how = ": pip install 'coastwatch[postgresql]'" if error.name == "psycopg" else ""
         raise StoreError(f"{where}: needs the Python package {error.name!r}{how}") from error
@@ -175,14 +175,19 @@ def _file(address: URL) -> Path | None:
 
 
 def _address(url: str) -> URL:
+    """Raises: DatabaseAddressError."""
+    if not url.strip():
+        raise DatabaseAddressError(f"--db: got an empty text, needed {URLS}")
     try:
         address = make_url(url if "://" in url else f"sqlite:///{url}")
     except (ArgumentError, ValueError) as error:
-        raise StoreError(f"database: got {url!r}, needed {URLS}") from error
+        raise DatabaseAddressError(f"database: got {url!r}, needed {URLS}") from error
     kind = address.get_backend_name()
     if kind not in BACKENDS:
         hidden = address.render_as_string(hide_password=True)
-        raise StoreError(f"database: got {hidden!r}, a database of {kind!r}, needed {URLS}{did_you_mean(kind, BACKENDS)}")
+        raise DatabaseAddressError(
+            f"database: got {hidden!r}, a database of {kind!r}, needed {URLS}{did_you_mean(kind, BACKENDS)}"
+        )
     return address
 
 
