@@ -170,7 +170,7 @@ class Deployment(Server):
     """a live feed in place of the scenario's input, FORMAT+TRANSPORT://ADDRESS; formats ais, ttm, asterix, video, heading, json; \
 transports tcp (connect), listen, udp, file, mqtt: ais+tcp://host:10110, ais+listen://0.0.0.0:10110, \
 asterix+udp://0.0.0.0:8600?25/1=north, ais+file:///var/log/ais.nmea; repeatable. The run goes on with the last one, if that ended less \
-than 10 minutes ago. A database into which another process of this machine writes a run is refused"""
+than 10 minutes ago. A database into which another server of this machine writes is refused"""
 
     region: Annotated[tuple[str, ...], Option("URL")] = ()
     """a region of this centre: wss://HOST:PORT?name=NAME&token-file=FILE&ca-file=FILE; its tracks are the track source NAME; \

@@ -233,9 +233,9 @@ class _Run:
         """Begin the input, and a new run; or go on with the one before, if `resume` finds a checkpoint. Returns: the first point.
 
         A live run whose checkpoint is too old is not resumed. One that begins at a set instant is resumed whenever it is.
-        A live run is the only one that is written into its database.
+        A live run is the only one of a server in its database.
 
-        Raises: InputError: another process of this machine writes one.
+        Raises: InputError: another server of this machine writes one.
         """
         self.plots = PlotsOfVideo() if self.live is None else self.live.plots
         scenario, live, settings = self.scenario, self.live, self.scenario.model_dump(mode="json")

@@ -42,6 +42,10 @@ DEAD_S, DEAD_PERIODS = 60.0, 20.0
 """A run of a process that cannot be asked, of another machine, is no longer there when it has written nothing for so long."""
 
 
+SERVER = "serve"
+"""The command of runs that a server writes; that of others is empty."""
+
+
 def begin_run(
     store: Store,
     *,
@@ -54,7 +58,6 @@ def begin_run(
     plan: Plan,
     warmup_cycles: int = 0,
     workers: int = 1,
-    command: str = "",
     faults: Sequence[Fault] = (),
     feeds: Sequence[str] = (),
     alone: bool = False,
@@ -73,7 +76,7 @@ def begin_run(
         "seed": seed,
         "version": version,
         "settings": dict(settings),
-        "command": command,
+        "command": SERVER if alone else "",
         "status": "running",
         "period_s": plan.period_s,
         "cycles": plan.cycles,
@@ -99,7 +102,7 @@ def begin_run(
 def resume_run(store: Store, run_id: int, *, alone: bool = False) -> None:
     """Note that this process goes on with a run, which is then `running` again.
 
-    Args: alone: refuse to, where another process writes a run.
+    Args: alone: it is a server's, and refused where another server writes a run.
     Raises: StoreError; InputError, as of `refuse_second_writer`.
     """
     machine, process = this_process()
@@ -107,6 +110,7 @@ def resume_run(store: Store, run_id: int, *, alone: bool = False) -> None:
         if alone:
             _refuse_second_writer(connection, store)
         again = {"status": "running", "machine": machine, "process": process, "written_utc": now_utc(connection)}
+        again |= {"command": SERVER} if alone else {}
         connection.execute(update(RUN).where(RUN.c.id == run_id).values(finished_utc=None, **again))
 
 
@@ -126,7 +130,9 @@ def finish_run(
 
 
 def refuse_second_writer(store: Store) -> None:
-    """Refuse a database into which another process of this machine writes a run. One of another machine cannot be asked.
+    """Refuse a database into which another server of this machine writes a run. One of another machine cannot be asked.
+
+    Runs that are no servers', as of scheduled jobs, may be written beside.
 
     Raises: StoreError; InputError: there is such a process.
     """
@@ -136,12 +142,13 @@ def refuse_second_writer(store: Store) -> None:
 
 def _refuse_second_writer(connection: Connection, store: Store) -> None:
     r = RUN.c
-    running = connection.execute(select(r.id, r.machine, r.process).where(r.status == "running").order_by(r.id.desc())).all()
+    of_servers = select(r.id, r.machine, r.process).where(r.status == "running", r.command == SERVER)
+    running = connection.execute(of_servers.order_by(r.id.desc())).all()
     mine = this_process()
     for run_id, machine, process in running:
         if (machine, process) != mine and presence(machine, process) is Presence.HERE:
             raise InputError(
-                f"--db: got {store.where}, where process {process} is writing run {run_id}, needed another database, "
+                f"--db: got {store.where}, where a server, process {process}, is writing run {run_id}, needed another database, "
                 "or the end of that process"
             )
 

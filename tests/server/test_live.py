@@ -157,7 +157,7 @@ def test_a_second_server_on_a_database_is_refused_until_the_first_is_killed(tmp_
     second = start(*words)
     _, said = second.communicate(timeout=60.0)
     assert second.returncode == 2, said
-    assert f"--db: got {path}, where process {first.pid} is writing run 1, needed another database" in said
+    assert f"--db: got {path}, where a server, process {first.pid}, is writing run 1, needed another database" in said
     assert column(path, "SELECT status FROM run") == ["running"]
     first.kill()
     start(*words)

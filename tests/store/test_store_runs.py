@@ -38,7 +38,7 @@ def test_runs(url: str) -> None:
     with kept.open_store(url) as store:
         with pytest.raises(StoreError, match="holds no run"):
             kept.latest_run(store)
-        one = world.begin(store, "sea", settings={"a": [1, float("nan")], "b": np.float64(2.0)}, command="coastwatch run sea")
+        one = world.begin(store, "sea", settings={"a": [1, float("nan")], "b": np.float64(2.0)})
         two = world.begin(store, "lake", 7)
         assert (kept.latest_run(store), kept.latest_run(store, "sea")) == (two, one)
         world.write(store, one, 0)
@@ -175,21 +175,26 @@ def another_process() -> Iterator[tuple[subprocess.Popen[str], dict[str, Any]]]:
 def test_a_second_writer_is_refused_while_the_process_of_the_first_lives(url: str) -> None:
     with kept.open_store(url) as store, another_process() as (made, writer):
 
-        def says(**values: Any) -> None:
+        def says_of(number: int, **values: Any) -> None:
             with writing(store) as connection:
-                connection.execute(update(RUN).where(RUN.c.id == run).values(values))
+                connection.execute(update(RUN).where(RUN.c.id == number).values(values))
 
-        run = world.begin(store)
+        def says(**values: Any) -> None:
+            says_of(run, **values)
+
+        job = world.begin(store)  # no server
+        says_of(job, **writer)
+        run = world.begin(store, alone=True)
         kept.refuse_second_writer(store)  # this process is the writer
         says(**writer)
-        said = f"where process {made.pid} is writing run {run}, needed another database, or the end of that process"
+        said = f"where a server, process {made.pid}, is writing run {run}, needed another database, or the end of that process"
         with pytest.raises(InputError, match=said):
             kept.refuse_second_writer(store)
         with pytest.raises(InputError, match=said):
             kept.resume_run(store, run, alone=True)
         with pytest.raises(InputError, match=said):
             world.begin(store, alone=True)
-        assert kept.runs(store).column("id") == [run]
+        assert sorted(kept.runs(store).column("id")) == [job, run]
         says(status="interrupted")
         kept.refuse_second_writer(store)
         says(status="running", machine="another")

@@ -148,7 +148,7 @@ def serve_deployment(options: Deployment) -> int:
 def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.socket) -> None:
     """Run a scenario, on live feeds or on its own input, and serve its pictures.
 
-    Raises: InputError: another process of this machine writes a run into the database, or options do not fit together.
+    Raises: InputError: another server of this machine writes into the database, or options do not fit together.
     """
     regions = [parsed_region(text) for text in options.region]
     for region in regions:
