@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import logging
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -93,7 +92,6 @@ def test_deliveries_that_fail_are_a_trouble_until_one_is_taken(
     import store_world
 
     monkeypatch.setattr(Backoff, "wait_s", lambda *_: 0.3)
-    monkeypatch.setattr(logging.getLogger("coastwatch.serve"), "propagate", True)
     with open_store(str(tmp_path / "sea.db")) as opened, receiver([503, 503, 503]) as (address, taken):
         store_world.begin(opened)
         store_world.write(opened, 1, 0)
