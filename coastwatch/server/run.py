@@ -233,7 +233,7 @@ class _Run:
         """Begin the input, and a new run; or go on with the one before, if `resume` finds a checkpoint. Returns: the first point.
 
         A live run whose checkpoint is too old is not resumed. One that begins at a set instant is resumed whenever it is.
-        A live run is the only one of a server in its database.
+        No other server may write into its database.
 
         Raises: InputError: another server of this machine writes one.
         """
@@ -253,7 +253,7 @@ class _Run:
         self.plan, self.most = plan, (0, plan.start_s)
         if before is not None:
             self.run_id, point = before[0], checkpoint.load_point(before[2], before[0])
-            store.resume_run(self.store, self.run_id, alone=live is not None)
+            store.resume_run(self.store, self.run_id, by_server=live is not None)
         else:
             self.run_id = store.begin_run(
                 self.store,
@@ -267,7 +267,7 @@ class _Run:
                 warmup_cycles=scenario.warmup_cycles,
                 workers=workers,
                 feeds=self.recording.feeds,
-                alone=live is not None,
+                by_server=live is not None,
             )
             point = Point(0, start_run(scenario, self.sensors), start(self.sensors))
         if live is not None:

@@ -60,11 +60,11 @@ def begin_run(
     workers: int = 1,
     faults: Sequence[Fault] = (),
     feeds: Sequence[str] = (),
-    alone: bool = False,
+    by_server: bool = False,
 ) -> int:
     """The number of a new run, which is then `running`. The database's clock says when it began.
 
-    Args: feeds: names of the feeds of AIS, by number; alone: as of `resume_run`.
+    Args: feeds: names of the feeds of AIS, by number; by_server: as of `resume_run`.
     Raises: StoreError; InputError, as of `refuse_second_writer`.
     """
     if not 0 <= seed < LARGEST:
@@ -76,7 +76,7 @@ def begin_run(
         "seed": seed,
         "version": version,
         "settings": dict(settings),
-        "command": SERVER if alone else "",
+        "command": SERVER if by_server else "",
         "status": "running",
         "period_s": plan.period_s,
         "cycles": plan.cycles,
@@ -88,7 +88,7 @@ def begin_run(
         "process": process,
     }
     with writing(store) as connection:
-        if alone:
+        if by_server:
             _refuse_second_writer(connection, store)
         row["started_utc"] = row["written_utc"] = now_utc(connection)
         run_id = int(connection.execute(insert(RUN).values(row).returning(RUN.c.id)).scalar_one())
@@ -99,18 +99,18 @@ def begin_run(
     return run_id
 
 
-def resume_run(store: Store, run_id: int, *, alone: bool = False) -> None:
+def resume_run(store: Store, run_id: int, *, by_server: bool = False) -> None:
     """Note that this process goes on with a run, which is then `running` again.
 
-    Args: alone: it is a server's, and refused where another server writes a run.
+    Args: by_server: a server writes it, and is refused where another one writes a run.
     Raises: StoreError; InputError, as of `refuse_second_writer`.
     """
     machine, process = this_process()
     with writing(store) as connection:
-        if alone:
+        if by_server:
             _refuse_second_writer(connection, store)
         again = {"status": "running", "machine": machine, "process": process, "written_utc": now_utc(connection)}
-        again |= {"command": SERVER} if alone else {}
+        again |= {"command": SERVER} if by_server else {}
         connection.execute(update(RUN).where(RUN.c.id == run_id).values(finished_utc=None, **again))
 
 

@@ -122,7 +122,7 @@ def test_clusters_do_not_see_each_other():
 
 @pytest.mark.parametrize("seed", range(20))
 def test_prices_bound_the_cost_from_below(seed):
-    """Weak duality: each tree takes its cheapest leaf at these prices, and all resources are sold."""
+    """Weak duality: the cheapest leaf of each tree with prices, less the price of every resource, costs no more than the choice."""
     start, cost, resource = forest(seed, 6, 9, 5)
     null = np.zeros(6)
     found = choose(start, cost, resource, 5, null, ROUNDS, NODES)

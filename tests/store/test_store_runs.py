@@ -184,16 +184,16 @@ def test_a_second_writer_is_refused_while_the_process_of_the_first_lives(url: st
 
         job = world.begin(store)  # no server
         says_of(job, **writer)
-        run = world.begin(store, alone=True)
+        run = world.begin(store, by_server=True)
         kept.refuse_second_writer(store)  # this process is the writer
         says(**writer)
         said = f"where a server, process {made.pid}, is writing run {run}, needed another database, or the end of that process"
         with pytest.raises(InputError, match=said):
             kept.refuse_second_writer(store)
         with pytest.raises(InputError, match=said):
-            kept.resume_run(store, run, alone=True)
+            kept.resume_run(store, run, by_server=True)
         with pytest.raises(InputError, match=said):
-            world.begin(store, alone=True)
+            world.begin(store, by_server=True)
         assert sorted(kept.runs(store).column("id")) == [job, run]
         says(status="interrupted")
         kept.refuse_second_writer(store)
@@ -204,4 +204,4 @@ def test_a_second_writer_is_refused_while_the_process_of_the_first_lives(url: st
         stat = Path(f"/proc/{made.pid}/stat")
         while stat.exists() and ") Z " not in stat.read_text():  # nobody has asked how it ended
             time.sleep(0.01)
-        kept.resume_run(store, run, alone=True)
+        kept.resume_run(store, run, by_server=True)

@@ -204,13 +204,15 @@ def _heard_by(connection: Connection, run_id: int, cycle: int, time_s: float, co
     number, _ = cycle_times(connection, run_id, cycle + 1, np.iinfo(np.int32).max if end is None else end)
     if not len(number):
         return own
-    cycles: ColumnElement[bool] = h.cycle.between(int(number[0]), int(number[-1]))
+    v = VESSEL.c
+    cycles: list[ColumnElement[bool]] = [h.cycle.between(int(number[0]), int(number[-1]))]
+    ours = select(v.vessel_id, v.updated_s).where(v.run_id == run_id)
     if len(own) <= FEW:
-        cycles = and_(is_one_of(connection, h.cycle, number), is_one_of(connection, h.vessel_id, columns["vessel_id"]))
-    points = fetch_arrays(connection, select(h.vessel_id, h.cycle, h.updated_s).where(h.run_id == run_id, cycles))
+        cycles = [is_one_of(connection, h.cycle, number), is_one_of(connection, h.vessel_id, columns["vessel_id"])]
+        ours = ours.where(is_one_of(connection, v.vessel_id, columns["vessel_id"]))
+    points = fetch_arrays(connection, select(h.vessel_id, h.cycle, h.updated_s).where(h.run_id == run_id, *cycles))
     if end is None:  # the run ended, or is here: some have no further point
-        v = VESSEL.c
-        now = fetch_arrays(connection, select(v.vessel_id, v.updated_s).where(v.run_id == run_id))
+        now = fetch_arrays(connection, ours)
         points = [
             np.concatenate(pair) for pair in zip(points, (now[0], np.full(len(now[0]), number[-1] + 1), now[1]), strict=True)
         ]

@@ -13,7 +13,7 @@ from coastwatch.tracks.radar.table import Status
 
 WIDEST = 60.0  # of the cost of "no vessel"
 LEAST_STEP = 1e-9  # of costs: the chosen leaf is the cheapest of its tree
-CANDIDATES, WIDER = 4, 2.0  # times the leaves and the gap of those that stay: from so many leaves of a tree one is chosen
+MORE_LEAVES, WIDER_GAP = 4, 2.0  # times the leaves and the gap of those that stay: from so many leaves of a tree one is chosen
 TAKEN = 1e6  # added to the cost of a leaf whose plot another tree has
 
 
@@ -29,7 +29,7 @@ class Pruning(NamedTuple):
     @property
     def candidates(self) -> tuple[int, float]:
         """How many leaves of a tree one is chosen from, and within which gap."""
-        return CANDIDATES * self.leaves, WIDER * self.score_gap
+        return MORE_LEAVES * self.leaves, WIDER_GAP * self.score_gap
 
 
 class Pruned(NamedTuple):
