@@ -145,8 +145,8 @@ def test_a_ship_hidden_in_part_for_a_minute_keeps_its_track_place_and_length(met
         if turn >= 12:
             off_m = to_plane(out.tracks.position_deg, ORIGIN_DEG) - middle
             assert len(off_m) == 1
-            assert np.abs(off_m).max() < 30.0
-            assert out.tracks.echo_length_m[0] > 200.0
+            assert np.abs(off_m).max() < 15.0  # 4 m of noise, and half of the hidden length at first
+            assert out.tracks.echo_length_m[0] > 240.0
             ids |= set(out.tracks.track_id.tolist())
     assert len(ids) == 1
 

@@ -117,7 +117,7 @@ def test_ships_closer_than_the_noise_keep_their_tracks():
         _, out = run(TableTracker(method="multi_hypothesis"), plots, 80)
         shown = [set(tracks.track_id.tolist()) for tracks in out[20:]]
         ended += sum(len(before - now) for before, now in itertools.pairwise(shown))
-    assert ended <= 4
+    assert ended <= 2
 
 
 def test_tracks_of_another_method_go_on_with_their_ids(dense):
