@@ -1,4 +1,4 @@
-"""Messages of one id as one measurement: filters run through several messages, and the mixture of whole filters. Compiled by numba.
+"""AIS messages in turn, and those of one id as one measurement: filters run through several, mixtures of filters. Compiled by numba.
 
 Source: A. G. Hem, E. F. Brekke, Variations of joint integrated data association with radar and target-provided measurements, Journal of
 Advances in Information Fusion 17(2), 2022, section VI (precise batch) and equations (71) to (78).
@@ -14,6 +14,27 @@ from coastwatch.kernels.filters import imm
 from coastwatch.kernels.filters.kalman import SIZE
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tables.copies import copy_into
+
+
+@jit
+def rounds(count, message, node, nodes, close):  # type: ignore[no-untyped-def]
+    """The round of each message: the one after the latest round of an earlier message that shares a node with it or is close. (M,)
+
+    Args: count: M, of messages in order of time; message, node: (A,) which message has which node, sorted by message; nodes: how many
+    there are; close: (K, 2) messages that are close, the earlier one first, sorted by the later one.
+    """
+    out, last = np.zeros(count, np.int64), np.full(nodes, -1)
+    at, pair = 0, 0
+    for m in range(count):
+        begin = at
+        while at < len(message) and message[at] == m:
+            out[m] = max(out[m], last[node[at]] + 1)
+            at += 1
+        while pair < len(close) and close[pair, 1] == m:
+            out[m] = max(out[m], out[close[pair, 0]] + 1)
+            pair += 1
+        last[node[begin:at]] = out[m]
+    return out
 
 
 @jit

@@ -37,18 +37,15 @@ class Sequential(MessageSettings):
 def rounds(parts: Parts, rules: MessageSettings, table: Table, batch: PlotColumns, mmsi: Ints) -> Ints:
     """The round in which each message is taken: later than those before it that share a track or an id with it. (M,)"""
     pairs, count = near(parts, table, batch), len(mmsi)
-    _, name = np.unique(mmsi, return_inverse=True)
+    ids, name = np.unique(mmsi, return_inverse=True)
     reach_m = parts.existence.max_speed_kn * KNOT_M_S * float(np.ptp(batch.time))
     reach_m += math.sqrt(2.0 * rules.limit * float(batch.covariance.max()))
     from scipy.spatial import cKDTree  # slow to import, and few runs use it
 
     close = cKDTree(batch.position).query_pairs(reach_m, output_type="ndarray")  # one may begin a track that the other is of
-    first = np.concatenate([pairs.plot, np.arange(count), close[:, 0]])
-    second = np.concatenate([count + pairs.track, count + len(table.track_id) + name, close[:, 1]])
-    group = kernels.association.connected_components.components(first, second, count + len(table.track_id) + count)[:count]
-    order = np.argsort(group, kind="stable")  # the messages are in order of time
-    begin = np.flatnonzero(np.diff(group[order], prepend=-1))
-    place = np.arange(count) - np.repeat(begin, np.diff(np.append(begin, count)))
-    out = np.empty(count, np.int64)
-    out[order] = place
+    message = np.concatenate([pairs.plot, np.arange(count)])
+    node = np.concatenate([len(ids) + pairs.track, name])
+    order, by_later = np.argsort(message, kind="stable"), np.lexsort(close.T)
+    find = kernels.tracks.message_clusters.rounds
+    out: Ints = find(count, message[order], node[order], len(ids) + len(table.track_id), close[by_later].astype(np.int64))
     return out
