@@ -77,17 +77,18 @@ def watch_vessels(
     tracked = (picture.flags & Flag.COASTING) == 0
     now = picture.take(tracked)
     at = find(before.vessel_id, now.vessel_id)
-    was_watched = at >= 0
+    was_watched = np.flatnonzero(at >= 0)
+    at = at[was_watched]
     fresh = _rows_of(now, members, sensors, time_s)
     columns = {name: getattr(fresh, name) for name in vars(fresh)}
     for name in ("came_s", "way_from_deg", "anchorage_deg", "at_rest_s", "outside_s"):
-        columns[name][was_watched] = getattr(before, name)[at[was_watched]]
+        columns[name][was_watched] = getattr(before, name).take(at, axis=0)
     waited_s = np.zeros(len(now))
-    waited_s[was_watched] = time_s - before.placed_s[at[was_watched]]
+    waited_s[was_watched] = time_s - before.placed_s[at]
     columns["came_s"][waited_s > settings.forget_s] = time_s
     columns["way_from_deg"][waited_s > settings.forget_s] = now.position_deg[waited_s > settings.forget_s]
     before_deg = np.full((len(now), 2), np.nan)
-    before_deg[was_watched] = before.position_deg[at[was_watched]]
+    before_deg[was_watched] = before.position_deg.take(at, axis=0)
 
     way_from_deg = columns["way_from_deg"].copy()
     way_m = np.hypot(*difference_m(now.position_deg, way_from_deg).T)
@@ -162,8 +163,8 @@ def _with_absent(
     merged &= np.isin(gone.vessel_id, members_before.vessel_id[of_merged[goes_on]])
     kept = ~merged & (time_s - gone.seen_s <= keep_s)
     gone = replace(gone, here=here, tracked=np.zeros(len(here), np.bool_)).take(kept)
-    place = np.searchsorted(row.vessel_id, gone.vessel_id)
-    return Watched(*(np.insert(getattr(row, name), place, getattr(gone, name), axis=0) for name in vars(row)))
+    every = Watched.join([row, gone])
+    return every.take(np.argsort(every.vessel_id, kind="stable"))
 
 
 def _anchored(

@@ -109,8 +109,19 @@ class Batch(Struct):
         return len(getattr(self, _layout(type(self)).names[0]))
 
     def take(self, rows: Array) -> Self:
-        """The rows at these indices or under this mask, in that order."""
-        return type(self)(**{name: getattr(self, name)[rows] for name in _layout(type(self)).names})
+        """The rows at these indices, under this mask or in this slice, in that order; a slice copies nothing.
+
+        Raises: IndexError where an index is beyond the rows, or the mask has another length.
+        """
+        columns = {name: getattr(self, name) for name in _layout(type(self)).names}
+        if isinstance(rows, slice):
+            return type(self)(**{name: values[rows] for name, values in columns.items()})
+        at = np.asarray(rows)
+        if at.dtype == np.bool_:
+            if len(at) != len(self):
+                raise IndexError(f"{type(self).__name__}: got a mask of {len(at)} rows, needed {len(self)}")
+            at = np.flatnonzero(at)
+        return type(self)(**{name: values.take(at, axis=0) for name, values in columns.items()})
 
     def without_values(self, *kept: str) -> Self:
         """As many rows, with the values of the columns that are named. The others are NaN or 0 throughout and take no memory."""

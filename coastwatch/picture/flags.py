@@ -195,10 +195,10 @@ def _stationary(
     before = vessel_of_row[rows]
     variance = picture.covariance[:, 0, 0] + picture.covariance[:, 1, 1]
     radius_m = np.fmax(settings.stationary_m, STATIONARY_SIGMAS * np.sqrt(variance))
-    offset_m = difference_m(picture.position_deg[rows], memory.anchor_deg[before])
+    offset_m = difference_m(picture.position_deg.take(rows, axis=0), memory.anchor_deg.take(before, axis=0))
     near = np.hypot(offset_m[:, 0], offset_m[:, 1]) <= radius_m[rows]
     rows, before = rows[near], before[near]
-    anchor_deg[rows], since_s[rows] = memory.anchor_deg[before], memory.anchor_since_s[before]
+    anchor_deg[rows], since_s[rows] = memory.anchor_deg.take(before, axis=0), memory.anchor_since_s[before]
     needed_s = np.maximum(settings.stationary_after_s, radius_m / (settings.under_way_kn * KNOT_M_S))
     return anchor_deg, since_s, time_s - since_s >= needed_s
 
