@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import partial
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
@@ -161,24 +162,20 @@ class Acceptance:
         return ReceptionTimes(received, accepted, faults)
 
     def _reports(self, rows: AisRows, received: Floats) -> AisReports:
-        intake, tally, location = self._intake, self._tally, self._location
-        good = np.ones(len(rows), np.bool_)
-        for kind, mask in _faults(rows).items():
-            tally.add_rows(kind, good & mask, lambda i: location(rows.row[i]), lambda i: _example(rows, i))
-            good &= ~mask
+        intake = self._intake
+        good = self._good(_faults(rows), rows.row, partial(_example, rows))
         rows, received = rows.take(good), received[good]
         twice, self._positions = _repeated(self._positions, rows.digest, rows.mmsi, received, intake.duplicate_within_s)
         again = {DUPLICATE: twice}
         if len(rows) and (rows.second < 0).all():
             same = (rows.mmsi, rows.position_deg[:, 0], rows.position_deg[:, 1])
             again[QUICK_REPEAT] = repeated(same, rows.stamp_s, intake.repeat_within_s) & ~again[DUPLICATE]
-        good = np.ones(len(rows), np.bool_)
-        for kind, mask in again.items():
-            tally.add_rows(kind, mask, lambda i: location(rows.row[i]), lambda i: _example(rows, i))
-            good &= ~mask
+        good = self._good(again, rows.row, partial(_example, rows))
         rows, received = rows.take(good), received[good]
-        for kind, mask in _no_value(rows).items():
-            tally.add_rows(kind, mask, lambda i: location(rows.row[i]), lambda i: _example(rows, i), used=True)
+        sog, cog = rows.sog_kn, rows.cog_deg
+        no_value = {SOG_RANGE: (sog < 0.0) | (sog > HIGHEST_SOG_KN), COG_RANGE: (cog < 0.0) | (cog >= FIRST_WRONG_COG_DEG)}
+        for kind, mask in no_value.items():
+            self._tally.add_rows(kind, mask, lambda i: self._location(rows.row[i]), lambda i: _example(rows, i), used=True)
         return AisReports(
             time_s=np.minimum(_fix_s(rows, intake), received),
             received_s=received,
@@ -196,17 +193,21 @@ class Acceptance:
         )
 
     def _static_data(self, static_rows: StaticRows, received: Floats, statics: AisStatics) -> AisStatics:
-        good = np.ones(len(static_rows), np.bool_)
         mmsi = statics.mmsi[static_rows.static]
         again, self._statics = _repeated(self._statics, static_rows.digest, mmsi, received, self._intake.duplicate_within_s)
         unknown = np.full(len(mmsi), StationKind.UNKNOWN, np.int64)
-        for kind, mask in {**no_vessels(mmsi, unknown), DUPLICATE: again}.items():
-            self._tally.add_rows(
-                kind, good & mask, lambda i: self._location(static_rows.row[i]), lambda i: f"static data of MMSI {mmsi[i]}"
-            )
-            good &= ~mask
+        faults = {**no_vessels(mmsi, unknown), DUPLICATE: again}
+        good = self._good(faults, static_rows.row, lambda i: f"static data of MMSI {mmsi[i]}")
         kept = statics.take(static_rows.static[good])
         return replace(kept, received_s=received[good])
+
+    def _good(self, faults: dict[str, Bools], row: Ints, example: Callable[[int], str]) -> Bools:
+        """Which rows have no fault. A row is counted in its first one. Args: row: (M,) its number; example: of a row. Returns: (M,)."""
+        good = np.ones(len(row), np.bool_)
+        for kind, mask in faults.items():
+            self._tally.add_rows(kind, good & mask, lambda i: self._location(row[i]), example)
+            good &= ~mask
+        return good
 
 
 def _sorted(reports: Timed) -> Timed:
@@ -218,15 +219,6 @@ def _repeated(before: _Seen, digest: Ints, mmsi: Ints, received_s: Floats, withi
     every = _Seen.join([before, _Seen(digest, mmsi, received_s)])
     again = repeated((every.digest, every.mmsi), every.received_s, within_s)[len(before) :]
     return again, every.take(every.received_s >= every.received_s.max(initial=-np.inf) - within_s)
-
-
-def _no_value(rows: AisRows) -> dict[str, Bools]:
-    """Which values no message can hold, by kind of fault. They count as not available."""
-    sog, cog = rows.sog_kn, rows.cog_deg
-    return {
-        SOG_RANGE: (sog < 0.0) | (sog > HIGHEST_SOG_KN),
-        COG_RANGE: (cog < 0.0) | (cog >= FIRST_WRONG_COG_DEG),
-    }
 
 
 def _faults(rows: AisRows) -> dict[str, Bools]:

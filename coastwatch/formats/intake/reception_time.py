@@ -40,7 +40,10 @@ def reception_times(stamp_s: Floats, lateness_s: float, longest_silence_s: float
     rows = np.flatnonzero(main_part)
     t = stamp_s[rows]
     if len(t) and (np.maximum.accumulate(t) - t).max() > lateness_s:
-        low, high = _bounds(t)
+        chain = np.zeros(len(t), np.bool_)
+        chain[_longest_in_order(t.tolist())] = True
+        low = np.maximum.accumulate(np.where(chain, t, -np.inf))  # the nearest of the longest run, before and after
+        high = np.minimum.accumulate(np.where(chain, t, np.inf)[::-1])[::-1]
         accepted[rows] = (t >= low - lateness_s) & (t <= high + lateness_s)
     received = np.maximum.accumulate(np.where(accepted, stamp_s, -np.inf))
     accepted &= received - stamp_s <= 2.0 * lateness_s  # late after a record that was itself early
@@ -56,15 +59,6 @@ def _largest_part(stamp_s: Floats, longest_silence_s: float) -> Bools:
     is_largest = np.zeros(len(stamp_s), np.bool_)
     is_largest[order[part == np.bincount(part).argmax()]] = True
     return is_largest
-
-
-def _bounds(t: Floats) -> tuple[Floats, Floats]:
-    """Of each record the nearest stamps of the longest ordered run, at or before it and at or after it."""
-    chain = np.zeros(len(t), np.bool_)
-    chain[_longest_in_order(t.tolist())] = True
-    low = np.maximum.accumulate(np.where(chain, t, -np.inf))
-    high = np.minimum.accumulate(np.where(chain, t, np.inf)[::-1])[::-1]
-    return low, high
 
 
 def _longest_in_order(t: Sequence[float]) -> list[int]:
