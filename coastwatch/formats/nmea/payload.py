@@ -29,16 +29,16 @@ ARMOUR = np.array([0 if not 48 <= c <= 119 else c - 56 if c > 88 else c - 48 for
 LETTER = np.array([v + 64 if v < 32 else v for v in range(64)], np.uint8)
 FIRST_SHIP_TYPE, LAST_SHIP_TYPE = 20, 99  # the others are reserved
 
-WHERE: dict[str, tuple[int, int, int]] = {  # first bit of a field: class A, class B, long range
-    "sog": (50, 46, 79),
-    "lon": (61, 57, 44),
-    "lat": (89, 85, 62),
-    "cog": (116, 112, 85),
-    "heading": (128, 124, 0),
-    "second": (137, 133, 0),
-    "status": (38, 0, 40),
-    "accurate": (60, 56, 38),
-    "raim": (148, 147, 39),
+WHERE: dict[str, tuple[tuple[int, int], ...]] = {  # first bit and width of a field: class A, class B, long range; width 0: none
+    "sog": ((50, 10), (46, 10), (79, 6)),
+    "lon": ((61, 28), (57, 28), (44, 18)),
+    "lat": ((89, 27), (85, 27), (62, 17)),
+    "cog": ((116, 12), (112, 12), (85, 9)),
+    "heading": ((128, 9), (124, 9), (0, 0)),
+    "second": ((137, 6), (133, 6), (0, 0)),
+    "status": ((38, 4), (0, 0), (40, 4)),
+    "accurate": ((60, 1), (56, 1), (38, 1)),
+    "raim": ((148, 1), (147, 1), (39, 1)),
 }
 UNKNOWN_LONG_RANGE_SOG = 63  # knots
 
@@ -51,7 +51,10 @@ def decoded(messages: Messages, name: str, tally: Tally) -> tuple[AisRows, AisSt
     kind = ARMOUR[np.array([p[0] for p in messages.payload], np.int64)].astype(np.int64)
     needed = np.array([NEEDED_BITS.get(k, 0) for k in range(64)])[kind]
     short = messages.bits < needed
-    wrong = _unknown_part(messages, kind) & ~short
+    part = np.flatnonzero(kind == 24)
+    wrong = np.zeros(len(kind), np.bool_)  # neither part A nor part B of static data
+    wrong[part] = bits(six_bits([messages.payload[i] for i in part], 7), 38, 2) > 1
+    wrong &= ~short
     faults = {k: (kind == k, fault) for k, fault in NO_VESSEL.items()}
     other = (needed == 0) & ~np.isin(kind, list(NO_VESSEL))
     for mask, fault in (*faults.values(), (other, OTHER_MESSAGE), (short, CUT_PAYLOAD), (wrong, UNDECODABLE)):
@@ -60,14 +63,6 @@ def decoded(messages: Messages, name: str, tally: Tally) -> tuple[AisRows, AisSt
     digest = np.array([zlib.crc32(p) for p in messages.payload], np.int64)
     statics, static_rows = _statics(messages, kind, good, digest)
     return _positions(messages, kind, good, digest), statics, static_rows
-
-
-def _unknown_part(messages: Messages, kind: Ints) -> Bools:
-    """Which messages are of type 24 and neither part A nor part B."""
-    rows = np.flatnonzero(kind == 24)
-    is_unknown = np.zeros(len(kind), np.bool_)
-    is_unknown[rows] = bits(six_bits([messages.payload[i] for i in rows], 7), 38, 2) > 1
-    return is_unknown
 
 
 def six_bits(payloads: list[bytes], length: int) -> Array:
@@ -107,17 +102,6 @@ def _positions(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> Ais
     six = six_bits([messages.payload[i] for i in rows], 28)
     kind_of_row = kind[rows]
     form = np.select([kind_of_row == LONG_RANGE, (kind_of_row == 18) | (kind_of_row == 19)], [2, 1], 0)
-    widths = {
-        "sog": (10, 10, 6),
-        "lon": (28, 28, 18),
-        "lat": (27, 27, 17),
-        "cog": (12, 12, 9),
-        "heading": (9, 9, 0),
-        "second": (6, 6, 0),
-        "status": (4, 0, 4),
-        "accurate": (1, 1, 1),
-        "raim": (1, 1, 1),
-    }
     raw = {name: np.zeros(len(rows), np.int64) for name in WHERE}
     for k in range(3):
         mine = np.flatnonzero(form == k)
@@ -125,9 +109,10 @@ def _positions(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> Ais
             continue
         some = six[:, mine]
         for name, at in WHERE.items():
-            if widths[name][k]:
+            start, width = at[k]
+            if width:
                 take = _signed if name in ("lon", "lat") else bits
-                raw[name][mine] = take(some, at[k], widths[name][k])
+                raw[name][mine] = take(some, start, width)
     far = form == 2
     position = [np.where(far, _degrees(1000 * raw[name]), _degrees(raw[name])) for name in ("lat", "lon")]
     unknown = far & (raw["sog"] == UNKNOWN_LONG_RANGE_SOG)
