@@ -9,7 +9,19 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from coastwatch.batches import Bools, Floats, Ints, RadarVideo, Reports, limits
+from coastwatch.batches import (
+    Batch,
+    BearingReports,
+    Bools,
+    Floats,
+    HeadingReports,
+    Ints,
+    RadarReports,
+    RadarVideo,
+    Reports,
+    TrackReports,
+    limits,
+)
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
@@ -24,6 +36,14 @@ FAR_JUMP_S, CONFIRMED_BY = 600.0, 10
 
 MOST_WAITING = 500_000
 """Reports of a feed, of one kind, that wait for their cycle: those of more than a minute of the densest coast. The oldest go first."""
+
+ORDER: dict[type[Batch], tuple[str, ...]] = {
+    RadarReports: ("sensor", "range_m", "azimuth_deg"),
+    BearingReports: ("sensor", "contact", "bearing_deg"),
+    TrackReports: ("sensor", "number", "position_deg"),
+    HeadingReports: ("sensor", "heading_deg"),
+}
+"""Columns by which reports of one time are sorted, by kind of batch."""
 
 JUMP = "time far ahead of the reports before"
 AHEAD = "time ahead of the clock of this machine, that of arrival taken"
@@ -176,9 +196,9 @@ def newest_rows(time_s: Floats) -> Ints:
 class Waiting:
     """Batches of reports that wait for their cycle, by their `received_s`."""
 
-    def __init__(self, counts: Counts, tally: Tally, kind: Any, order: tuple[str, ...]) -> None:
-        """Args: counts, tally: of the feed; kind: of batch; order: columns by which rows of one time are sorted."""
-        self._counts, self._tally, self._kind, self._order = counts, tally, kind, order
+    def __init__(self, counts: Counts, tally: Tally, kind: Any) -> None:
+        """Args: counts, tally: of the feed; kind: of batch, one of ORDER."""
+        self._counts, self._tally, self._kind = counts, tally, kind
         self._parts: list[Any] = []
         self.rows = 0  # that wait
 
@@ -191,14 +211,10 @@ class Waiting:
             self._parts.append(kept)
             self.rows += len(kept)
         if self.rows > MOST_WAITING:
-            self._drop_oldest()
-
-    def _drop_oldest(self) -> None:
-        """Leave room for a tenth. What is dropped is counted."""
-        every = self._kind.join(self._parts)
-        stay = newest_rows(every.received_s)
-        self._counts.dropped += len(every) - len(stay)
-        self._parts, self.rows = [every.take(stay)], len(stay)
+            every = self._kind.join(self._parts)
+            stay = newest_rows(every.received_s)
+            self._counts.dropped += len(every) - len(stay)
+            self._parts, self.rows = [every.take(stay)], len(stay)
 
     def reports_between(self, after_s: float, until_s: float) -> Any:
         """The reports of a span, each once, sorted by time and content. Older ones are counted."""
@@ -206,7 +222,7 @@ class Waiting:
         keep = every.received_s > until_s
         self._parts, self.rows = [every.take(keep)] if keep.any() else [], int(keep.sum())
         reports = every.take(~keep & ~self._counts.outdated(every.received_s, after_s))
-        keys = [getattr(reports, name) for name in self._order]
+        keys = [getattr(reports, name) for name in ORDER[self._kind]]
         keys = [column for key in keys for column in (key.T if key.ndim > 1 else [key])]
         order = np.lexsort((*keys[::-1], reports.received_s))
         twice = np.zeros(len(order), np.bool_)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -71,6 +70,8 @@ LINE: TypeAdapter[Plot | Bearing | Track] = TypeAdapter(Annotated[Plot | Bearing
 class JsonDecoder:
     """The lines of one feed."""
 
+    has_dates = True
+
     def __init__(self, name: str, sensors: Sensors, checked: bool = True) -> None:
         """Args: name: of the feed; checked: stamps are judged by the clock of the machine."""
         self.tally, self.counts = Tally(), Counts()
@@ -80,15 +81,10 @@ class JsonDecoder:
         names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name, "track": sensors.track_sources.name}
         self._numbers = {kind: {str(name): k for k, name in enumerate(own_names)} for kind, own_names in names.items()}
         self._waiting = {
-            "plot": Waiting(self.counts, self.tally, RadarReports, ("sensor", "range_m", "azimuth_deg")),
-            "bearing": Waiting(self.counts, self.tally, BearingReports, ("sensor", "contact", "bearing_deg")),
-            "track": Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg")),
+            "plot": Waiting(self.counts, self.tally, RadarReports),
+            "bearing": Waiting(self.counts, self.tally, BearingReports),
+            "track": Waiting(self.counts, self.tally, TrackReports),
         }
-
-    @property
-    def has_dates(self) -> bool:
-        """As of `Decoder`."""
-        return True
 
     @property
     def waiting(self) -> int:
@@ -176,22 +172,18 @@ def _numbers(lines: Any, name: str) -> Any:
 
 def encode(reports: Reports, names: SensorNames) -> list[bytes]:
     """Lines of plots and bearings."""
-    return list(_json_lines(reports, names))
-
-
-def _json_lines(reports: Reports, names: SensorNames) -> Iterator[bytes]:
     radar, bearing = reports.radar, reports.bearing
+    lines: list[dict[str, Any]] = []
     for k in range(len(radar)):
         line = {"type": "plot", "radar": str(names["plot"][radar.sensor[k]]), "time": float(radar.time_s[k])}
-        yield json.dumps(
-            {**line, "range_m": float(radar.range_m[k]), "azimuth_deg": float(radar.azimuth_deg[k]) % 360.0}
-        ).encode()
+        lines.append({**line, "range_m": float(radar.range_m[k]), "azimuth_deg": float(radar.azimuth_deg[k]) % 360.0})
     for k in range(len(bearing)):
         line = {"type": "bearing", "sonar": str(names["bearing"][bearing.sensor[k]]), "time": float(bearing.time_s[k])}
         line |= {"bearing_deg": float(bearing.bearing_deg[k]) % 360.0}
         if bearing.contact[k] >= 0:
             line["contact"] = int(bearing.contact[k])
-        yield json.dumps(line).encode()
+        lines.append(line)
+    return [json.dumps(line).encode() for line in lines]
 
 
 JSON = Format(

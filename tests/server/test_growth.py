@@ -50,7 +50,7 @@ def plots(time_s: np.ndarray) -> RadarReports:
 def test_reports_that_wait_are_bounded_and_the_oldest_go(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(decoding, "MOST_WAITING", 1_000)
     counts = Counts()
-    waiting = Waiting(counts, Tally(), RadarReports, ("sensor", "range_m", "azimuth_deg"))
+    waiting = Waiting(counts, Tally(), RadarReports)
     for k in range(50):
         waiting.add(plots(NOW_S + np.arange(100) + 100.0 * k))
         assert sum(map(len, waiting._parts)) <= 1_000

@@ -89,9 +89,12 @@ def date_of(feed: FeedSettings) -> float | None:
     if text is None:
         return None
     try:
-        return datetime.combine(date.fromisoformat(text), datetime.min.time(), UTC).timestamp()
+        begin_s = datetime.combine(date.fromisoformat(text), datetime.min.time(), UTC).timestamp()
     except ValueError:
         raise OptionError(f"feed: got date={text} in {feed.text!r}, needed the day of its first report, YYYY-MM-DD") from None
+    if feed.checked:
+        raise OptionError(f"feed: got date= in {feed.text!r}, needed --clock feeds with it: it is for replays")
+    return begin_s
 
 
 class AsterixDecoder:
@@ -116,8 +119,8 @@ class AsterixDecoder:
         self._name, self._sensors = name, sensors
         self._messages, self._where = 0, name  # datagrams that have come, and the location of the one that is decoded
         self._origins, self._date_s = origins, date_s
-        self._plots = Waiting(self.counts, self.tally, RadarReports, ("sensor", "range_m", "azimuth_deg"))
-        self._tracks = Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg"))
+        self._plots = Waiting(self.counts, self.tally, RadarReports)
+        self._tracks = Waiting(self.counts, self.tally, TrackReports)
 
     @property
     def has_dates(self) -> bool:
@@ -194,7 +197,8 @@ class AsterixDecoder:
         if category == 34 or (category == 10 and record.get_item("000").as_uint() != TARGET_REPORT):
             self.tally.add(SERVICE, self._where)
             return None
-        if _is_test(record.get_item("020")) and category != 62:
+        descriptor = record.get_item("020")
+        if category != 62 and descriptor is not None and uint_of(descriptor, "TST"):
             self.tally.add(TEST_TARGET, self._where)
             return None
         if origin.is_track_source:
@@ -247,13 +251,6 @@ def nearest_s(of_day_s: float, about_s: float) -> float:
     return round((about_s - of_day_s) / DAY_S) * DAY_S + of_day_s
 
 
-def _is_test(descriptor: Any) -> bool:
-    """Whether a target report descriptor (item 020) says that the plot is of a test target."""
-    if descriptor is None:
-        return False
-    return bool(uint_of(descriptor, "TST"))
-
-
 def datagrams(reports: RadarReports, most_plots: int = 40) -> Iterator[bytes]:
     """CAT 048 datagrams of plots, of one radar each, in order. SIC is the number of the radar from 1 on."""
     kind = _library().kinds[48]
@@ -276,14 +273,6 @@ def _record(kind: Any, reports: RadarReports, row: int) -> Any:
     )
 
 
-def _decoder(feed: FeedSettings, sensors: Sensors) -> AsterixDecoder:
-    """Raises: OptionError."""
-    origins, date_s = origins_of(feed, sensors), date_of(feed)
-    if date_s is not None and feed.checked:
-        raise OptionError(f"feed: got date= in {feed.text!r}, needed --clock feeds with it: it is for replays")
-    return AsterixDecoder(feed.name, sensors, origins=origins, date_s=date_s, checked=feed.checked)
-
-
 def encode(reports: Reports, names: SensorNames) -> list[bytes]:
     """CAT 048 datagrams of plots."""
     return list(datagrams(reports.radar))
@@ -299,7 +288,9 @@ def block_length(data: bytes, begin: int) -> int:
 
 ASTERIX = Format(
     "asterix",
-    decoder=_decoder,
+    decoder=lambda feed, sensors: AsterixDecoder(
+        feed.name, sensors, origins=origins_of(feed, sensors), date_s=date_of(feed), checked=feed.checked
+    ),
     options=(NAMED_BY_CODES, "date", "source"),
     encode=encode,
     encodes=("radar",),

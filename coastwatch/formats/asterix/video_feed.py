@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import Floats, RadarVideo, Reports, Sensors, Videos
+from coastwatch.batches import RadarVideo, Reports, Sensors, Videos
 from coastwatch.batches.limits import MOST_RANGE_M
 from coastwatch.errors import InputError
 from coastwatch.formats.asterix.beam_time import FULL_TURN
@@ -237,13 +237,11 @@ def _one(group: list[RadarVideo]) -> RadarVideo:
 
 def _decoder(feed: FeedSettings, sensors: Sensors) -> VideoDecoder:
     """Raises: OptionError."""
-    origins, date_s = origins_of(feed, sensors), date_of(feed)
+    origins = origins_of(feed, sensors)
     for (sac, sic), origin in origins.items():
         if origin.is_track_source:
             raise OptionError(f"feed: got {sac}/{sic} of a track source in {feed.text!r}, needed a radar: video has no tracks")
-    if date_s is not None and feed.checked:
-        raise OptionError(f"feed: got date= in {feed.text!r}, needed --clock feeds with it: it is for replays")
-    return VideoDecoder(feed, sensors, origins, date_s)
+    return VideoDecoder(feed, sensors, origins, date_of(feed))
 
 
 def datagrams(reports: Reports, names: SensorNames) -> list[bytes]:
@@ -261,7 +259,7 @@ def datagrams(reports: Reports, names: SensorNames) -> list[bytes]:
                 "640 m, and a whole number of them before the first"
             )
         middle = video.azimuth_rad * (FULL_TURN / (2.0 * np.pi))
-        half = 0.5 * _step(middle)
+        half = 0.5 * float(np.median(np.diff(middle) % FULL_TURN)) if len(middle) > 1 else 0.0  # of the step between spokes
         start, end = ((middle + off).round().astype(np.int64) % FULL_TURN for off in (-half, half))
         most = MOST_PART * 8 // max(video.bits, 8)
         rows = zip(video.time_s.tolist(), start.tolist(), end.tolist(), video.level, video.missing.tolist(), strict=True)
@@ -272,11 +270,6 @@ def datagrams(reports: Reports, names: SensorNames) -> list[bytes]:
                 )
                 out.append((time_s, encode(message)))
     return [data for _, data in sorted(out, key=lambda pair: pair[0])]
-
-
-def _step(azimuth: Floats) -> float:
-    """The usual step between spokes; 0: there is one spoke."""
-    return float(np.median(np.diff(azimuth) % FULL_TURN)) if len(azimuth) > 1 else 0.0
 
 
 def _pieces(cells: int, lost: int, to: int, most: int) -> list[tuple[int, int]]:

@@ -6,15 +6,13 @@ import math
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import reduce
-from operator import xor
 from typing import Any
 
 import numpy as np
 
 from coastwatch.batches import AisReports, AisStatics, Bools, Floats, Ints, Reports
 from coastwatch.formats import decoding
-from coastwatch.formats.decoding import FAR_AHEAD_S, Counts, Decoder, Item, Newest, ReportsBetween, Stamps
+from coastwatch.formats.decoding import FAR_AHEAD_S, Counts, Item, Newest, Stamps
 from coastwatch.formats.format import Format, SensorNames
 from coastwatch.formats.intake.ais_validation import DUPLICATE, Acceptance, AisIntake, AisRows, StaticRows
 from coastwatch.formats.intake.faults import Ledger, Tally
@@ -22,6 +20,7 @@ from coastwatch.formats.intake.reception_time import repeated
 from coastwatch.formats.nmea.messages import Assembler, Messages, messages_where
 from coastwatch.formats.nmea.new_vessels import BEYOND, NewVessels
 from coastwatch.formats.nmea.payload import decoded
+from coastwatch.formats.nmea.sentence_feed import made_sentence
 from coastwatch.formats.nmea.sentences import FURTHER, ais_sentences
 
 ANY_LATENESS_S = 1e9
@@ -74,20 +73,20 @@ class _Sender:
             messages.line - lines_before - 1, 0, max(len(items) - 1, 0)
         )  # a message may have begun in lines before these
         arrived_s = arrived[at]
-        stamp_s = self._without_far_clocks(messages, arrived_s) if self._checked else messages.stamp_s
+        stamp_s = messages.stamp_s
+        if self._checked:
+            ahead_s = stamp_s - arrived_s
+            far = messages.by_clock & (np.abs(ahead_s) > FAR_AHEAD_S)
+            self._tally.add_rows(FAR_CLOCK, far, lambda i: self._name, lambda i: f"{ahead_s[i]:.0f} s")
+            stamp_s = np.where(far, np.nan, stamp_s)
         time_s = self.stamps.times_s(stamp_s, arrived_s)
         return messages_where(messages._replace(stamp_s=time_s), np.isfinite(time_s))
-
-    def _without_far_clocks(self, messages: Messages, arrived_s: Floats) -> Floats:
-        """The stamps, NaN where a clock sentence says another time than that of arrival. Args: arrived_s: (M,). Returns: (M,)."""
-        far = messages.by_clock & (np.abs(messages.stamp_s - arrived_s) > FAR_AHEAD_S)
-        ahead_s = messages.stamp_s - arrived_s
-        self._tally.add_rows(FAR_CLOCK, far, lambda i: self._name, lambda i: f"{ahead_s[i]:.0f} s")
-        return np.where(far, np.nan, messages.stamp_s)
 
 
 class AisDecoder:
     """The sentences of one receiver, which several senders may send. A sender disturbs no other one: each has a clock of its own."""
+
+    has_dates = True
 
     def __init__(self, name: str, feed: int, checked: bool) -> None:
         """Args: feed: its number; checked: stamps are judged by the clock of the machine."""
@@ -102,11 +101,6 @@ class AisDecoder:
         self._sender_of_row: list[Ints] = []
         self._statics: list[tuple[AisStatics, StaticRows]] = []
         self._alone: Receivers | None = None  # where no other receiver is asked with it
-
-    @property
-    def has_dates(self) -> bool:
-        """As of `Decoder`."""
-        return True
 
     @property
     def stamps(self) -> Newest:
@@ -289,12 +283,8 @@ def _sentences(message: dict[str, Any], received_s: float) -> Iterator[bytes]:
     sentences = encode_dict(message, talker_id="AI", sentence_type="VDM", seq_id=message["mmsi"] % 10)
     for number, sentence in enumerate(sentences, 1):
         group = f"g:{number}-{len(sentences)}-{message['mmsi'] % 10_000}," if len(sentences) > 1 else ""
-        tag = f"{group}s:sim,c:{round(received_s * 1000)}"
-        yield f"\\{tag}*{reduce(xor, tag.encode()):02X}\\{sentence}".encode()
-
-
-def _report_sources(decoders: Sequence[Decoder]) -> list[ReportsBetween]:
-    return [Receivers([one for one in decoders if isinstance(one, AisDecoder)]).reports_between]
+        tag = made_sentence(f"{group}s:sim,c:{round(received_s * 1000)}", "\\")
+        yield f"{tag}\\{sentence}".encode()
 
 
 def _stamps(lines: list[bytes]) -> Iterator[tuple[int, float]]:
@@ -305,7 +295,7 @@ def _stamps(lines: list[bytes]) -> Iterator[tuple[int, float]]:
 AIS = Format(
     "ais",
     decoder=lambda feed, sensors: AisDecoder(feed.name, feed.number, feed.checked),
-    report_sources=_report_sources,
+    report_sources=lambda decoders: [Receivers([one for one in decoders if isinstance(one, AisDecoder)]).reports_between],
     encode=encode,
     encodes=("ais", "statics"),
     stamps=_stamps,

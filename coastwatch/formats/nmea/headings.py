@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from coastwatch.batches import AzimuthReference, HeadingReports, Ints, Radars, Reports, Sensors
+from coastwatch.batches import AzimuthReference, HeadingReports, Ints, Radars, Reports
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
 from coastwatch.formats.format import Format, SensorNames
 from coastwatch.formats.intake.faults import Tally
@@ -24,18 +24,15 @@ VALID_MODES = "A", "E"
 class HeadingDecoder:
     """The sentences of one compass, to the headings of radars."""
 
+    has_dates = True
+
     def __init__(self, feed: FeedSettings, radars: Ints) -> None:
         """Args: radars: (K,) numbers of those that stand on its ship."""
         self.tally, self.counts, self.checked = Tally(), Counts(), feed.checked
         self.stamps = Stamps(feed.name, feed.checked, self.tally)
         self._radars = radars
         self._cut = SentenceFeed(feed.name, tuple(FIELDS), self.tally, self.counts.ledger)
-        self._waiting = Waiting(self.counts, self.tally, HeadingReports, ("sensor", "heading_deg"))
-
-    @property
-    def has_dates(self) -> bool:
-        """As of `Decoder`."""
-        return True
+        self._waiting = Waiting(self.counts, self.tally, HeadingReports)
 
     @property
     def waiting(self) -> int:
@@ -68,11 +65,6 @@ class HeadingDecoder:
         return replace(Reports.empty(), headings=self._waiting.reports_between(after_s, until_s))
 
 
-def _decoder(feed: FeedSettings, sensors: Sensors) -> HeadingDecoder:
-    """Raises: OptionError."""
-    return HeadingDecoder(feed, _radars_of(feed, sensors.radars))
-
-
 def _radars_of(feed: FeedSettings, radars: Radars) -> Ints:
     """The radars in `?radar=NAME,NAME`; without it all that count azimuths from the bow. Raises: OptionError: there is none."""
     by_heading = np.flatnonzero(radars.azimuth_reference == AzimuthReference.HEADING)
@@ -86,7 +78,7 @@ def _radars_of(feed: FeedSettings, radars: Radars) -> Ints:
     return np.array(sorted({known[name] for name in named}), np.int64)
 
 
-def _sentences(reports: Reports, names: SensorNames) -> list[bytes]:
+def encode(reports: Reports, names: SensorNames) -> list[bytes]:
     """HDT sentences, each after a tag block with its time, and the radar as its source."""
     headings, radar = reports.headings, names["plot"]
     lines = []
@@ -99,4 +91,10 @@ def _sentences(reports: Reports, names: SensorNames) -> list[bytes]:
     return lines
 
 
-HEADING = Format("heading", decoder=_decoder, encode=_sentences, encodes=("headings",), options=("radar",))
+HEADING = Format(
+    "heading",
+    decoder=lambda feed, sensors: HeadingDecoder(feed, _radars_of(feed, sensors.radars)),
+    encode=encode,
+    encodes=("headings",),
+    options=("radar",),
+)

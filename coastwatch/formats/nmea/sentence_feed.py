@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import reduce
-from operator import xor
 from typing import Any, NamedTuple
 
 from pynmeagps import NMEAParseError, NMEAReader
 
 from coastwatch.formats.decoding import Item
 from coastwatch.formats.intake.faults import Ledger, Tally
+from coastwatch.formats.intake.timestamps import checksum
 from coastwatch.formats.nmea.messages import UNDECODABLE
 from coastwatch.formats.nmea.sentences import CHECKSUM, wanted_sentences
 
@@ -90,4 +89,4 @@ def has_numbers(message: Any, *names: str) -> bool:
 
 def made_sentence(body: str, start: str = "$") -> str:
     """A sentence, or a tag block, with its checksum. Args: body: what the checksum is of; start: what stands before it."""
-    return f"{start}{body}*{reduce(xor, body.encode()):02X}"
+    return f"{start}{body}*{checksum(body.encode()):02X}"

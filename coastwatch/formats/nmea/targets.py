@@ -175,6 +175,8 @@ def time_of_day_s(of_day: Any, clock_s: float) -> float:
 class TargetDecoder:
     """The sentences of one radar. Its position is that of the own ship's sentences, of `?site=LAT,LON` or of the track source."""
 
+    has_dates = True
+
     def __init__(
         self, name: str, sources: TrackSources, source: int, *, site_deg: Floats | None = None, checked: bool = True
     ) -> None:
@@ -185,13 +187,8 @@ class TargetDecoder:
         self._source = source
         site_deg = sources.site_deg[source] if site_deg is None else site_deg
         self._targets = TargetSentences(site_deg, float(sources.heading_deg[source]), math.nan, self.tally)
-        self._waiting = Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg"))
+        self._waiting = Waiting(self.counts, self.tally, TrackReports)
         self._cut = SentenceFeed(name, TARGETS + OWN_SHIP, self.tally, self.counts.ledger)
-
-    @property
-    def has_dates(self) -> bool:
-        """As of `Decoder`."""
-        return True
 
     @property
     def waiting(self) -> int:
@@ -210,14 +207,11 @@ class TargetDecoder:
                 arrived.append(fed.arrived_s)
         self.counts.ledger.beside[OF_OWN_SHIP] += self._targets.of_own_ship - own_ship
         if states:
-            self._add(np.array(states, np.float64), np.array(arrived))
-
-    def _add(self, table: Floats, arrived_s: Floats) -> None:
-        """Keep states until their cycle. Args: table: (M, 7) of `State`."""
-        time_s = self.stamps.times_s(table[:, 1], arrived_s)
-        usable = np.isfinite(time_s)
-        time_s, table = time_s[usable], table[usable]
-        self._waiting.add(track_reports(self._source, table[:, 0].astype(np.int64), time_s, table[:, 3:5], table[:, 5:7]))
+            table = np.array(states, np.float64)
+            time_s = self.stamps.times_s(table[:, 1], np.array(arrived))
+            usable = np.isfinite(time_s)
+            time_s, table = time_s[usable], table[usable]
+            self._waiting.add(track_reports(self._source, table[:, 0].astype(np.int64), time_s, table[:, 3:5], table[:, 5:7]))
 
     def reports_between(self, after_s: float, until_s: float) -> Reports:
         """As `ReportsBetween`."""
