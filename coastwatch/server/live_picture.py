@@ -71,10 +71,8 @@ class LivePicture:
         """These vessels with all columns of the stored picture. Args: at: (K,) row numbers."""
         columns = {name: self.own.array(name)[at] for name in OWN}
         statics = [self.statics.get(mmsi) for mmsi in columns["mmsi"].tolist()]
-        for k, (name, absent) in enumerate(ABSENT.items()):
-            kind = {"NoneType": object, "int": np.int64, "float": np.float64}[type(absent).__name__]
-            columns[name] = np.array([absent if static is None else static[k] for static in statics], kind)
-        columns["sources"] = np.array([self.source_texts[code] or None for code in self.source_codes[at].tolist()], object)
+        columns |= {name: _static_column(name, statics) for name in STATIC}
+        columns["sources"] = self.column("sources", at)
         return Table(COLUMNS, tuple(columns[name] for name in COLUMNS))
 
     def column(self, name: str, at: Ints) -> Array:
@@ -83,10 +81,7 @@ class LivePicture:
             return self.own.array(name)[at]
         if name == "sources":
             return np.array([text or None for text in self.source_texts], object)[self.source_codes[at]]
-        k, absent = STATIC.index(name), ABSENT[name]
-        statics = [self.statics.get(mmsi) for mmsi in self.own.array("mmsi")[at].tolist()]
-        kind = {"NoneType": object, "int": np.int64, "float": np.float64}[type(absent).__name__]
-        return np.array([absent if static is None else static[k] for static in statics], kind)
+        return _static_column(name, [self.statics.get(mmsi) for mmsi in self.own.array("mmsi")[at].tolist()])
 
     def search(self, text: str) -> Ints:
         """Rows whose name, call sign, MMSI or vessel id has this text: those that equal it first, then those that begin with it."""
@@ -118,6 +113,13 @@ class LivePicture:
             polars.when(number >= 0).then(number.cast(polars.String).str.zfill(9)).alias("mmsi"),
         )
         return texts.select(polars.col(name).fill_null("").str.to_uppercase() for name in SEARCHED)
+
+
+def _static_column(name: str, statics: list[tuple[Any, ...] | None]) -> Array:
+    """One column of STATIC. Args: statics: values of STATIC of each vessel; None: nothing is known of it."""
+    k, absent = STATIC.index(name), ABSENT[name]
+    kind = {"NoneType": object, "int": np.int64, "float": np.float64}[type(absent).__name__]
+    return np.array([absent if static is None else static[k] for static in statics], kind)
 
 
 def of_cycle(run_id: int, number: int, cycle: Cycle, sensors: Sensors, statics: Statics) -> LivePicture:
