@@ -74,7 +74,7 @@ class VideoHealth:
             "threshold_db": None,
             "detection_probability": None,
             "false_plots_a_turn": None,
-            "troubles": list(_troubles(s, silent_s, (spokes, lost), now_s)),
+            "troubles": _troubles(s, silent_s, (spokes, lost), now_s),
         }
 
 

@@ -67,16 +67,10 @@ class _Feed:
 
     def __init__(self, inbox: Inbox, decoder: Decoder) -> None:
         self.inbox, self.decoder = inbox, decoder
-        self.began_s = now_s()
         self.items: list[Item] = []  # received and not yet decoded
         # Of the last minute: when, records used, late, of before the run, datagrams or lines dropped, and records refused.
         self._looks: deque[tuple[float, int, int, int, int, int]] = deque()
         self._video = VideoHealth(decoder.counts.radars)
-
-    @property
-    def silent_s(self) -> float:
-        """For how long nothing has come."""
-        return now_s() - max(self.inbox.heard_s, self.began_s)
 
     def decode(self, reference_s: float | None) -> None:
         """Decode what has come. Args: as of `Decoder.decode`."""
@@ -354,4 +348,4 @@ class LiveInput:
         if any(region.newest_s < until_s for region in self._regions):
             return False
         late = [feed for feed in self._feeds if feed.decoder.stamps.newest_s < until_s + self._lateness_s]
-        return all(feed.silent_s > SILENT_S for feed in late) and (len(late) < len(self._feeds) or bool(self._regions))
+        return all(feed.inbox.silent_s > SILENT_S for feed in late) and (len(late) < len(self._feeds) or bool(self._regions))

@@ -113,27 +113,24 @@ class OutFeed(Link):
         return self.as_feed(f"out {self.address.text}", records=self.sent, dropped=self.skipped)
 
     def _session(self) -> None:
-        with _connection(self.address) as connection:
-            self.opened()
-            self._send(connection)
-
-    def _send(self, connection: socket.socket) -> None:
         """Send pictures until the feed ends. Raises: OSError: the connection is gone."""
         together = max(int(self.address.rate * TOGETHER_S), 1)
-        while not self._ended.is_set():
-            self._wake.wait()
-            self._wake.clear()
-            if self._newest is None:
-                continue
-            picture, period_s = self._newest
-            first = int(np.searchsorted(picture.array("vessel_id"), self._next))  # the vessel that is next
-            left = [*range(first, len(picture)), *range(first)]
-            while left and not self._wake.is_set():
-                begun, rows, left = time.monotonic(), left[:together], left[together:]
-                self._send_some(connection, self._encoder.messages(_vessels(picture, rows, period_s)))
-                self._next = int(picture.array("vessel_id")[rows[-1]]) + 1
-                self._ended.wait(max(begun + len(rows) / self.address.rate - time.monotonic(), 0.0))
-            self.skipped += len(left)
+        with _connection(self.address) as connection:
+            self.opened()
+            while not self._ended.is_set():
+                self._wake.wait()
+                self._wake.clear()
+                if self._newest is None:
+                    continue
+                picture, period_s = self._newest
+                first = int(np.searchsorted(picture.array("vessel_id"), self._next))  # the vessel that is next
+                left = [*range(first, len(picture)), *range(first)]
+                while left and not self._wake.is_set():
+                    begun, rows, left = time.monotonic(), left[:together], left[together:]
+                    self._send_some(connection, self._encoder.messages(_vessels(picture, rows, period_s)))
+                    self._next = int(picture.array("vessel_id")[rows[-1]]) + 1
+                    self._ended.wait(max(begun + len(rows) / self.address.rate - time.monotonic(), 0.0))
+                self.skipped += len(left)
 
     def _send_some(self, connection: socket.socket, messages: Iterator[bytes]) -> None:
         some = list(messages)

@@ -135,7 +135,8 @@ def of_file(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
     or it has lines and no sentence of AIS.
     """
     if is_capture(path):
-        return _of_capture(path, formats)
+        packets = items_of(WireFile(str(path), formats[0], path), Tally())
+        return ((when_s, partial(_constant, formats, [message])) for when_s, message, _ in packets)
     name = next((name for name in formats if FORMATS[name].stamps is not None), "")
     if not name:
         with_stamps = " or ".join(name for name, one in FORMATS.items() if one.stamps is not None)
@@ -146,12 +147,6 @@ def of_file(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
     if not any(AIS_SENTENCE.search(line) for line in lines):
         raise InputError(f"feed: {path}: got no AIS sentence in {len(lines)} lines, needed !AIVDM or !AIVDO")
     return _of_lines(lines, name)
-
-
-def _of_capture(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
-    """The messages of a capture by the times of its packets."""
-    for when_s, message, _ in items_of(WireFile(str(path), formats[0], path), Tally()):
-        yield when_s, partial(_constant, formats, [message])
 
 
 def _of_lines(lines: list[bytes], name: str) -> Iterator[Batch]:

@@ -181,13 +181,16 @@ async def _opened(inbox: Inbox) -> asyncio.AbstractServer | _Datagrams:
             server = await asyncio.start_server(room.accepted, address.host, address.port, limit=READ_BYTES)
             inbox.port = server.sockets[0].getsockname()[1]
             return server
-        receiver = _member(address) if address.is_group else await _bound(address)
+        receiver = await _bound(address)
     except OSError as error:
         raise OSError(f"feed {address.text}: {reason_of(error)}") from error
     except UnicodeError as error:
         raise OSError(f"feed {address.text}: got {address.host!r}, which is no name of a machine: {error}") from error
     inbox.port, inbox.connected = receiver.getsockname()[1], 1
-    inbox.buffer = _granted(receiver)
+    with suppress(OSError):
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_BUFFER)
+    granted = receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+    inbox.buffer = granted // 2 if sys.platform == "linux" else granted  # Linux says twice what it gives
     if inbox.buffer < DATAGRAM_BUFFER:
         LOG.warning(
             f"feed {address.name}: the system grants a receive buffer of {inbox.buffer >> 10} kB, wanted {DATAGRAM_BUFFER >> 10}: "
@@ -197,40 +200,25 @@ async def _opened(inbox: Inbox) -> asyncio.AbstractServer | _Datagrams:
 
 
 async def _bound(address: Address) -> socket.socket:
-    """A socket that takes datagrams sent to an address of this machine. Raises: OSError, UnicodeError."""
-    found = await asyncio.get_running_loop().getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)
-    family, kind, proto, _, where = found[0]
+    """A socket that takes datagrams sent to an address of this machine or to a multicast group. Raises: OSError, UnicodeError."""
+    where: tuple[Any, ...] = (address.host, address.port)
+    family, kind, proto = socket.AF_INET, socket.SOCK_DGRAM, 0
+    if not address.is_group:
+        found = await asyncio.get_running_loop().getaddrinfo(address.host, address.port, type=kind)
+        family, kind, proto, _, where = found[0]
     receiver = socket.socket(family, kind, proto)
     try:
+        if address.is_group:
+            receiver.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # others of this machine may listen too
         receiver.bind(where)
+        if address.is_group:
+            group, own = (ipaddress.IPv4Address(one).packed for one in (address.host, address.interface or "0.0.0.0"))
+            receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group + own)
         receiver.setblocking(False)
     except OSError:
         receiver.close()
         raise
     return receiver
-
-
-def _member(address: Address) -> socket.socket:
-    """A socket that takes what is sent to a multicast group. Raises: OSError."""
-    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
-        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # others of this machine may listen too
-        receiver.bind((address.host, address.port))
-        group, own = (ipaddress.IPv4Address(one).packed for one in (address.host, address.interface or "0.0.0.0"))
-        receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group + own)
-        receiver.setblocking(False)
-    except OSError:
-        receiver.close()
-        raise
-    return receiver
-
-
-def _granted(receiver: socket.socket) -> int:
-    """Ask for the usual buffer. Returns: bytes that the system gives."""
-    with suppress(OSError):
-        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_BUFFER)
-    granted = receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
-    return granted // 2 if sys.platform == "linux" else granted  # Linux says twice what it gives
 
 
 class _Datagrams:
