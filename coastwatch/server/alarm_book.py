@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Literal, NamedTuple
@@ -16,9 +16,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from coastwatch.alarms import EventMemory
-from coastwatch.alarms.lasting import KEYS
 from coastwatch.batches import ALARM_KINDS, BegunEvents, EventChanges, EventSpans
 from coastwatch.batches.kinds import EVENT_KINDS, IS_ALARM, PRIORITIES
+from coastwatch.server.listeners import Listeners
 from coastwatch.store import Acknowledgement, AlarmKey, Beginnings, Rows
 
 MOST_ENDED = 20_000
@@ -129,7 +129,9 @@ class AlarmBook:
         self._changes: deque[Change] = deque(maxlen=MOST_CHANGES)
         self._number, self._first = 0, 1  # of the newest change, and of the first one since `begin`
         self._lock = threading.Lock()
-        self._listeners: dict[int, Callable[[], None]] = {}
+        self._listeners = Listeners()
+        self.listen = self._listeners.listen
+        """As of `Listeners`: a function is called after each change."""
 
     @property
     def number(self) -> int:
@@ -148,7 +150,7 @@ class AlarmBook:
             self.run_id, self._alarms = run_id, {alarm.alarm_id: alarm for alarm in alarms}
             self._changes.clear()
             self._first = self._number + 1
-        self._tell(True)
+        self._listeners.tell()
 
     def apply(self, changes: EventChanges) -> None:
         """Take what a cycle has changed in the events."""
@@ -162,7 +164,8 @@ class AlarmBook:
                     news.append(("returned", back._replace(end_s=None, gaps=back.gaps + 1)))
             news += [("opened", alarm) for alarm in _begun(changes.begun)]
             self._note(news)
-        self._tell(bool(news))
+        if news:
+            self._listeners.tell()
 
     def compare(self, rows: Rows) -> None:
         """Take alarms as the database has them now. Args: rows: columns as of `Alarm`."""
@@ -173,7 +176,8 @@ class AlarmBook:
                 before = self._alarms.get(alarm.alarm_id)
                 news += [(what, alarm) for what in alarm.changes(before)]
             self._note(news)
-        self._tell(bool(news))
+        if news:
+            self._listeners.tell()
 
     def acknowledge(self, alarm_id: str, by: Acknowledgement) -> Alarm | None:
         """Acknowledge an alarm; the first one counts. Returns: it; None: it is not here."""
@@ -183,7 +187,7 @@ class AlarmBook:
                 return alarm
             done = _acknowledged(alarm, by)
             self._note([("acknowledged", done)])
-        self._tell(True)
+        self._listeners.tell()
         return done
 
     def acknowledge_all(self, chosen: Beginnings, by: Acknowledgement, slack_s: float) -> int:
@@ -198,7 +202,8 @@ class AlarmBook:
                 and chosen.first_s - slack_s <= alarm.start_s <= chosen.last_s + slack_s
             ]
             self._note([("acknowledged", _acknowledged(alarm, by)) for alarm in alarms])
-        self._tell(bool(alarms))
+        if alarms:
+            self._listeners.tell()
         return len(alarms)
 
     def alarm(self, alarm_id: str) -> Alarm | None:
@@ -224,17 +229,6 @@ class AlarmBook:
                 return []
             return list(islice(self._changes, len(self._changes) - (self._number - number), None))
 
-    def listen(self, tell: Callable[[], None]) -> Callable[[], None]:
-        """Have a function called after each change, in any thread. Returns: what ends that."""
-        with self._lock:
-            self._listeners[id(tell)] = tell
-
-        def end() -> None:
-            with self._lock:
-                self._listeners.pop(id(tell), None)
-
-        return end
-
     def _note(self, news: Sequence[tuple[What, Alarm]]) -> None:
         for what, alarm in news:
             self._number += 1
@@ -248,22 +242,13 @@ class AlarmBook:
             self.forgotten += not alarm.is_acknowledged
             del self._alarms[alarm.alarm_id]
 
-    def _tell(self, changed: bool) -> None:
-        if not changed:
-            return
-        with self._lock:
-            listeners = list(self._listeners.values())
-        for tell in listeners:
-            tell()
-
 
 def known_of(rows: Rows, memory: EventMemory) -> list[Alarm]:
     """The alarms of a run that goes on from a checkpoint, as they were then: some have ended or returned later.
 
     Args: rows: of the database, that began before the checkpoint; memory: of the events, at the checkpoint.
     """
-    vessel_id, kind = np.divmod(memory.key, KEYS)
-    spans = EventSpans(vessel_id, kind, memory.subject, memory.start_s, memory.end_s)
+    spans = memory.spans(np.arange(len(memory.key)))
     end_s = {alarm_id: None if np.isnan(end) else end for alarm_id, end in _alarm_ends(spans)}
     alarms = [Alarm(*row) for row in rows.rows]
     return [alarm._replace(end_s=end_s.get(alarm.alarm_id, alarm.end_s)) for alarm in alarms]

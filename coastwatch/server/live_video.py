@@ -5,9 +5,8 @@ from __future__ import annotations
 import logging
 import math
 import secrets
-import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from coastwatch.batches import Array, AzimuthReference, Floats, HeadingReports, Ints, Radars, RadarVideo, Videos
 from coastwatch.plots import true_video
+from coastwatch.server.listeners import Listeners
 
 LOG = logging.getLogger("coastwatch.serve")
 
@@ -89,8 +89,9 @@ class LiveVideo:
         self._heard_s: dict[int, float] = {}  # monotonic time of its newest video
         self._turns: dict[int, _Turn] = {}
         self._sectors: dict[int, list[Sector | None]] = {k: [None] * SECTORS for k in range(len(radars))}
-        self._listeners: dict[int, Callable[[], None]] = {}
-        self._lock = threading.Lock()
+        self._listeners = Listeners()
+        self.listen = self._listeners.listen
+        """As of `Listeners`: a function is called after new sectors."""
 
     def ask(self, radars: Iterable[int]) -> None:
         """Somebody looks at these radars."""
@@ -112,17 +113,6 @@ class LiveVideo:
         if time.monotonic() - self._heard_s.get(radar, -math.inf) > SILENT_S:
             return []
         return [sector for sector in self._sectors[radar] if sector is not None]
-
-    def listen(self, tell: Callable[[], None]) -> Callable[[], None]:
-        """Have a function called after new sectors, in any thread. Returns: what ends that."""
-        with self._lock:
-            self._listeners[id(tell)] = tell
-
-        def end() -> None:
-            with self._lock:
-                self._listeners.pop(id(tell), None)
-
-        return end
 
     def take_all(self, videos: Videos) -> None:
         """Take the spokes of a cycle, with true azimuths."""
@@ -155,10 +145,7 @@ class LiveVideo:
             LOG.exception("the picture of radar video is begun again")
             self._turns.pop(radar, None)
         if self._number > before:
-            with self._lock:
-                listeners = list(self._listeners.values())
-            for tell in listeners:
-                tell()
+            self._listeners.tell()
 
     def _add(self, video: RadarVideo) -> None:
         if not len(video):

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable
 
 import numpy as np
 
 from coastwatch import store
 from coastwatch.batches import Sensors
 from coastwatch.centre import Cycle
-from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Position
-from coastwatch.server.regions.message import RegionCycle, encode, radar_tracks
+from coastwatch.server.listeners import Listeners
+from coastwatch.server.regions.link import IN_FLIGHT, Position
+from coastwatch.server.regions.message import MessageError, RegionCycle, encode, radar_tracks, run_number
 from coastwatch.store import Store
 
 IN_MEMORY = 2 * IN_FLIGHT
@@ -27,7 +27,9 @@ class Publisher:
         self._store = opened
         self._newest: deque[Message] = deque(maxlen=IN_MEMORY)
         self._runs: dict[int, str] = {}
-        self._waiting: dict[int, Callable[[], None]] = {}
+        self._listeners = Listeners()
+        self.listen = self._listeners.listen
+        """As of `Listeners`: a function is called after each new cycle."""
         self._lock = threading.Lock()
 
     def message(self, run_id: int, number: int, cycle: Cycle, sensors: Sensors, merged: int = 0) -> bytes:
@@ -40,9 +42,7 @@ class Publisher:
         """A cycle is in the database: those who wait are told."""
         with self._lock:
             self._newest.append((Position(self._run(run_id), number + 1), message))
-            waiting = list(self._waiting.values())
-        for tell in waiting:
-            tell()
+        self._listeners.tell()
 
     def after(self, position: Position, count: int, from_s: float) -> list[Message]:
         """The messages after the last one that a centre has, at most so many.
@@ -54,34 +54,18 @@ class Publisher:
         at = next((k for k, (sent, _) in enumerate(newest) if sent == position), None)
         if at is not None:
             return newest[at + 1 : at + 1 + count]
-        run_id = self._known_run(position)
-        if run_id is None:
+        try:
+            run_id, cycle = run_number(position.run), position.seq - 1
+            is_known = store.run_key(self._store, run_id) == position.run
+        except MessageError:  # of no run
+            is_known = False
+        if not is_known:  # or of another database
             start = store.journal_start(self._store, from_s)
             if start is None:
                 return []
             run_id, cycle = start
-        else:
-            cycle = position.seq - 1
         rows = store.journal_after(self._store, run_id, cycle, count)
         return [(Position(self._run(row.run_id), row.cycle + 1), row.message) for row in rows]
-
-    def listen(self, tell: Callable[[], None]) -> Callable[[], None]:
-        """Call a function after each new cycle. Returns: what ends that."""
-        with self._lock:
-            self._waiting[id(tell)] = tell
-
-        def end() -> None:
-            with self._lock:
-                self._waiting.pop(id(tell), None)
-
-        return end
-
-    def _known_run(self, position: Position) -> int | None:
-        """The run in this database that a position is of; None: it is of another database, or of no run."""
-        number = position.run.partition("@")[0]
-        if position == NOTHING or not (number.isascii() and number.isdecimal() and len(number) <= 18):
-            return None
-        return int(number) if store.run_key(self._store, int(number)) == position.run else None
 
     def _run(self, run_id: int) -> str:
         if run_id not in self._runs:
