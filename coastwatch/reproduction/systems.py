@@ -78,7 +78,7 @@ def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | 
         gospas.append(gospa(place_m, true_m, asked.gospa_cutoff_m, asked.order))
         window.append({"estimate": (name, place_m), "truth": (truth.vessel, true_m)})
         lengths = {n for n, _, _ in points.values()}
-        over = {n: [_over(list(window)[-n:], key) for key in ("estimate", "truth")] for n in lengths}
+        over = {n: [as_paths([one[key] for one in window][-n:]) for key in ("estimate", "truth")] for n in lengths}
         for point, (n, cutoff_m, order) in points.items():
             ospas[point].append(ospa2(over[n][0], over[n][1], cutoff_m, order))
         row, at = matches(place_m, true_m, asked.near_m)
@@ -119,10 +119,10 @@ def _with_radar(cycle: Cycle, kinds: Ints) -> tuple[Ints, FusedTracks]:
     return tracks.track_id[radar[first]], cycle.fused.take(number)
 
 
-def _over(window: Sequence[dict[str, tuple[Ints, Floats]]], key: str) -> Floats:
-    """Positions by name and instant, NaN where there is none. (N, T, 2)"""
-    names = np.unique(np.concatenate([one[key][0] for one in window]))
-    out = np.full((len(names), len(window), 2), np.nan)
-    for k, one in enumerate(window):
-        out[np.searchsorted(names, one[key][0]), k] = one[key][1]
+def as_paths(seen: Sequence[tuple[Ints, Floats]]) -> Floats:
+    """The path of each name over the instants, by name, NaN where it is absent. (N, T, 2) Args: names (n,) and positions (n, 2)."""
+    names = np.unique(np.concatenate([np.zeros(0, np.int64), *(name for name, _ in seen)]))
+    out = np.full((len(names), len(seen), 2), np.nan)
+    for t, (name, position_m) in enumerate(seen):
+        out[np.searchsorted(names, name), t] = position_m
     return out

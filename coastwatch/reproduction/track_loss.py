@@ -7,6 +7,7 @@ import numpy as np
 from coastwatch.batches import ID_STRIDE, DecidedPath, Floats, Ints
 from coastwatch.geodesy import from_plane, to_plane
 from coastwatch.reproduction.published import TrackLoss
+from coastwatch.reproduction.systems import as_paths
 from coastwatch.reproduction.targets import cycles
 from coastwatch.scenario import Scenario
 from coastwatch.scores.track_loss import initiation_scores, path_scores, shadow_scores
@@ -78,13 +79,4 @@ def corrected(
         at = np.flatnonzero((np.abs(past.time_s - now_s) < SAME_S) & np.isin(number, ever))
         kept = ~np.isin(name, number[at])
         out.append((np.append(number[at], name[kept]), np.concatenate([position_m[at], shown_m[kept]])))
-    return out
-
-
-def as_paths(seen: list[tuple[Ints, Floats]]) -> Floats:
-    """The path of each name over the instants, by name, NaN where it is absent. (N, T, 2) Args: names (n,) and positions (n, 2)."""
-    names = np.unique(np.concatenate([np.zeros(0, np.int64), *(name for name, _ in seen)]))
-    out = np.full((len(names), len(seen), 2), np.nan)
-    for t, (name, position_m) in enumerate(seen):
-        out[np.searchsorted(names, name), t] = position_m
     return out
