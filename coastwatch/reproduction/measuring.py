@@ -7,11 +7,16 @@ import math
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from coastwatch.centre import Cycle
 from coastwatch.reproduction import side_by_side, systems, targets, track_loss, trackers, two_filters
 from coastwatch.reproduction.cycle_statistics import Decisions, Pairs
 from coastwatch.reproduction.planning import Job
+from coastwatch.reproduction.published import Targets, TrackLoss
+from coastwatch.reproduction.side_by_side import SideBySide
+from coastwatch.reproduction.systems import Systems
+from coastwatch.reproduction.trackers import Trackers
 from coastwatch.scenario import Scenario
 from coastwatch.server.run import RunResult, run_scenario
 from coastwatch.shipped import scenarios_folder
@@ -20,6 +25,15 @@ from coastwatch.spelling import json_value
 NOWHERE = "sqlite://"  # in memory, deleted after the run
 Draw = Callable[[str, int, str], tuple[dict[str, int], bytes]]
 """Database, run and file of land to the counts of vessels and the PNG of its last picture. A module-level function."""
+
+ASKED: dict[type, tuple[str, Callable[[Scenario, int, Any], object]]] = {
+    SideBySide: ("", side_by_side.measure),
+    Systems: ("system", systems.measure),
+    Targets: ("targets", targets.measure),
+    Trackers: ("trackers", trackers.measure),
+    TrackLoss: ("paths", track_loss.measure),
+}
+"""What scores a run by what is asked for, and the name of the scores in the record; empty: they have names of their own."""
 
 AROUND = 1  # cycles before and after an instant that are counted with it
 
@@ -33,16 +47,10 @@ def measure(job: Job, draw: Draw) -> dict[str, object] | None:
     """
     if isinstance(job.subject, two_filters.TwoFilters):
         return {"seed": job.seed, "scores": {"two_filters": two_filters.measure(job.subject, job.seed)}}
-    if job.side_by_side:
-        return {"seed": job.seed, "scores": side_by_side.measure(job.scenario, job.seed, job.side_by_side)}
-    if job.systems:
-        return {"seed": job.seed, "scores": {"system": systems.measure(job.scenario, job.seed, job.systems)}}
-    if job.targets:
-        return {"seed": job.seed, "scores": {"targets": targets.measure(job.scenario, job.seed, job.targets)}}
-    if job.trackers:
-        return {"seed": job.seed, "scores": {"trackers": trackers.measure(job.scenario, job.seed, job.trackers)}}
-    if job.track_loss:
-        return {"seed": job.seed, "scores": {"paths": track_loss.measure(job.scenario, job.seed, job.track_loss)}}
+    if job.asked is not None:
+        name, scores_of = ASKED[type(job.asked)]
+        scores = scores_of(job.scenario, job.seed, job.asked)
+        return {"seed": job.seed, "scores": {name: scores} if name else scores}
     decisions = Decisions(job.scenario.sensors())
     pairs = Pairs(job.scenario) if job.roc else None
 
@@ -57,14 +65,22 @@ def measure(job: Job, draw: Draw) -> dict[str, object] | None:
         result = run_scenario(scenario, seed=job.seed, workers=1, database=database, on_cycle=on_cycle)
         if result.interrupted:
             return None
-        shown = _picture(result, database, draw) if job.picture else None
+        shown: dict[str, int | str] | None = None
+        if job.picture:
+            counts, png = draw(database, result.run_id, str(scenarios_folder() / "guanabara" / "coastline.geojson"))
+            shown = {**counts, "png": base64.b64encode(png).decode()}
+    history = {}
+    for at_s in job.history_s:  # the decisions around the first instant at this time after the start
+        cycle = math.ceil(at_s / job.scenario.period_s) - 1
+        around = cycle - AROUND, cycle + AROUND + 1
+        history[f"{at_s:g}"] = {stage: decisions.between(stage, *around) for stage in decisions.rows}
     plain: dict[str, object] = json_value(
         {
             "seed": job.seed,
             "elapsed_s": result.elapsed_s,
             "scores": _scores(job, result, decisions),
             "timings_s": result.timings_s,
-            "history": {f"{at:g}": _at(job, decisions, at) for at in job.history_s},
+            "history": history,
             "roc": pairs.as_object() if pairs else None,
             "picture": shown,
         }
@@ -83,15 +99,3 @@ def _scores(job: Job, result: RunResult, decisions: Decisions) -> dict[str, obje
     first, stop = job.scenario.warmup_cycles, result.cycles
     counted = {stage: decisions.between(stage, first, stop) for stage in decisions.rows}
     return {**result.scores, **{stage: {**result.scores.get(stage, {}), **of} for stage, of in counted.items()}}
-
-
-def _at(job: Job, decisions: Decisions, at_s: float) -> dict[str, dict[str, float]]:
-    """The decisions around the first instant at this time after the start."""
-    cycle = math.ceil(at_s / job.scenario.period_s) - 1
-    return {stage: decisions.between(stage, cycle - AROUND, cycle + AROUND + 1) for stage in decisions.rows}
-
-
-def _picture(result: RunResult, database: str, draw: Draw) -> dict[str, int | str]:
-    """Number of vessels of each kind in the last picture, and the picture as a PNG."""
-    counts, png = draw(database, result.run_id, str(scenarios_folder() / "guanabara" / "coastline.geojson"))
-    return {**counts, "png": base64.b64encode(png).decode()}

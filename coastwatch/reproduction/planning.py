@@ -35,11 +35,7 @@ class Job:
     picture: bool = False
     roc: Roc | None = None  # settings of the statistics of all pairs
     serial: bool = False
-    targets: Targets | None = None
-    side_by_side: SideBySide | None = None
-    systems: Systems | None = None
-    track_loss: TrackLoss | None = None
-    trackers: Trackers | None = None
+    asked: SideBySide | Systems | Targets | Trackers | TrackLoss | None = None  # as of `Published`
 
     @property
     def scenario(self) -> Scenario:
@@ -74,30 +70,23 @@ def plan(
     """
     if runs is not None and runs < 1:
         raise InputError(f"--runs: got {runs}, needed 1 or more")
-    return {
-        name: [
-            _wanted(name, of, variant, point, min(runs or of.runs, variant.most_runs or sys.maxsize), code, further, seed)
-            for variant in of.variant
-            for point in of.points(variant)
-        ]
-        for name, of in folders.items()
-    }
+    planned: dict[str, list[Wanted]] = {name: [] for name in folders}
+    for name, of in folders.items():
+        for variant in of.variant:
+            count = min(runs or of.runs, variant.most_runs or sys.maxsize)
+            for point in of.points(variant):
+                settings = settings_of(variant, point)
+                given = *settings, *further
+                subject = _two_filters(of.two_filters, variant, given) if of.two_filters else _scenario(name, variant, given)
+                jobs = (_job(of, subject, seed + k, variant.roc if k < ROC_SEEDS else None, code) for k in range(count))
+                planned[name].append(Wanted(variant, point, settings, tuple(jobs)))
+    return planned
 
 
 def unlike(plan: Mapping[str, list[Wanted]]) -> list[Job]:
     """Every job of a plan once, those that must run alone last."""
     found = {job.key: job for wanted in plan.values() for one in wanted for job in one.jobs}
     return sorted(found.values(), key=lambda job: job.serial)
-
-
-def _wanted(
-    name: str, of: Published, variant: Variant, point: Point, runs: int, code: str, further: tuple[str, ...], seed: int
-) -> Wanted:
-    settings = settings_of(variant, point)
-    given = *settings, *further
-    subject = _two_filters(of.two_filters, variant, given) if of.two_filters else _scenario(name, variant, given)
-    jobs = tuple(_job(of, subject, seed + k, variant.roc if k < ROC_SEEDS else None, code) for k in range(runs))
-    return Wanted(variant, point, settings, jobs)
 
 
 def _scenario(name: str, variant: Variant, settings: tuple[str, ...]) -> Scenario:
@@ -126,25 +115,8 @@ def _job(of: Published, subject: Scenario | TwoFilters, seed: int, roc: Roc | No
         "picture": of.picture,
         "roc": roc and roc.model_dump(mode="json"),
         "serial": of.serial,
-        "targets": of.targets and of.targets.model_dump(mode="json"),
-        **({"side_by_side": of.side_by_side.model_dump(mode="json")} if of.side_by_side else {}),
-        **({"systems": of.systems.model_dump(mode="json")} if of.systems else {}),
-        **({"track_loss": of.track_loss.model_dump(mode="json")} if of.track_loss else {}),
-        **({"trackers": of.trackers.model_dump(mode="json")} if of.trackers else {}),
+        "asked": of.asked and [type(of.asked).__name__, of.asked.model_dump(mode="json")],
         "code": code,
     }
     key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()[:20]
-    return Job(
-        key=key,
-        subject=subject,
-        seed=seed,
-        history_s=of.history_s,
-        picture=of.picture,
-        roc=roc,
-        serial=of.serial,
-        targets=of.targets,
-        side_by_side=of.side_by_side,
-        systems=of.systems,
-        track_loss=of.track_loss,
-        trackers=of.trackers,
-    )
+    return Job(key, subject, seed, of.history_s, of.picture, roc, of.serial, of.asked)

@@ -179,6 +179,11 @@ class Published(Settings):
     unpublished: str = "no value is printed in the paper"  # why figures without a published value have none
     absent: tuple[Absent, ...] = ()  # what no scenario reproduces, and why
 
+    @property
+    def asked(self) -> SideBySide | Systems | Targets | Trackers | TrackLoss | None:
+        """The scores that are asked for in place of those of whole runs; None: whole runs are scored."""
+        return self.side_by_side or self.systems or self.targets or self.trackers or self.track_loss
+
     @model_validator(mode="after")
     def _figures_name_existing_variants(self) -> Published:
         names = [v.name for v in self.variant]
