@@ -60,6 +60,11 @@ class Line:
         """What is asked of this variant."""
         return self.figure.asked if self.variant.name == self.figure.asked_of else None
 
+    def written(self, value: float) -> str:
+        """A value of the figure with its digits, a share in per cent; empty: NaN."""
+        scale = 100.0 if self.figure.unit == "%" else 1.0
+        return "" if math.isnan(value) else f"{scale * value:.{self.figure.digits}f}"
+
     @property
     def reached(self) -> bool | None:
         """Whether the target is reached; None without a target or a measurement, or of a scene laid out by hand."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,19 +39,19 @@ class Reproduction:
     @property
     def failures(self) -> list[str]:
         """A sentence for each target that is missed and each ordering that fails."""
-        return [sentence for folder in self.folders for sentence in _failures(folder)]
-
-
-def _failures(folder: Folder) -> Iterator[str]:
-    for line in folder.lines:
-        if line.reached is False and line.asked is not None:
-            sign, scale = (">" if line.figure.better == "lower" else "<"), (100.0 if line.figure.unit == "%" else 1.0)
-            got, asked = (f"{scale * value:.{line.figure.digits}f}" for value in (line.measured.mean, line.asked))
-            yield f"{folder.name}: {line.figure.name}, {line.variant.title}: {got} {sign} {asked} {line.figure.unit}".rstrip()
-    for order in folder.orders:
-        if order.verdict == "fails":
-            at = f" at {order.at}" if order.point else ""
-            yield f"{folder.name}: {order.ordering.title}{at}: {order.difference.mean:.3g} +- {order.error:.2g}"
+        failed = []
+        for folder in self.folders:
+            for line in folder.lines:
+                if line.reached is False and line.asked is not None:
+                    got, asked = line.written(line.measured.mean), line.written(line.asked)
+                    against = f"{got} {'>' if line.figure.better == 'lower' else '<'} {asked} {line.figure.unit}".rstrip()
+                    failed.append(f"{folder.name}: {line.figure.name}, {line.variant.title}: {against}")
+            for order in folder.orders:
+                if order.verdict == "fails":
+                    at = f" at {order.at}" if order.point else ""
+                    apart = f"{order.difference.mean:.3g} +- {order.error:.2g}"
+                    failed.append(f"{folder.name}: {order.ordering.title}{at}: {apart}")
+        return failed
 
 
 def as_object(reproduction: Reproduction) -> dict[str, object]:

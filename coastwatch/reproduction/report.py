@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from coastwatch.reproduction import html_report
-from coastwatch.reproduction.figures import Line, Made, Spread, orders
+from coastwatch.reproduction.figures import Made, orders
 from coastwatch.reproduction.figures import lines as lines_of
 from coastwatch.reproduction.finished_runs import FinishedRuns, code
 from coastwatch.reproduction.json_report import Folder, Reproduction, as_object
@@ -48,14 +48,15 @@ def lines(reproduction: Reproduction) -> Iterator[str]:
         yield f"  {'':<44} {'method':<30} {'published':>10} {'measured':>20} {folder.of.bound_name:>10}"
         for line in folder.lines:
             f = line.figure
-            published, bound = (
-                _number(v, line) for v in (math.nan if line.published is None else line.published, line.bound.mean)
-            )
+            published = "" if line.published is None else line.written(line.published)
+            measured = line.written(line.measured.mean)
+            if not math.isnan(line.measured.std):
+                measured += f" +- {line.written(line.measured.std)}"
             marks = [line.against_published, {True: "asked: reached", False: "asked: missed", None: ""}[line.reached]]
             marks += ["laid out by hand"] if f.by_hand else []
             said = "; ".join(mark for mark in marks if mark)
             head = f"  {f.name[:44]:<44} {line.variant.title[:30]:<30} {published:>10}"
-            yield f"{head} {_spread(line.measured, line):>20} {bound:>10}  {said}".rstrip()
+            yield f"{head} {measured:>20} {line.written(line.bound.mean):>10}  {said}".rstrip()
         for order in folder.orders:
             apart = f"{order.difference.mean:.3g} +- {order.error:.2g} (standard error)"
             yield f"  {order.ordering.title} {f'at {order.at}' if order.at else ''}: {order.verdict}: {apart}"
@@ -64,14 +65,3 @@ def lines(reproduction: Reproduction) -> Iterator[str]:
         yield f"Not compared, {reason}: {len(names)} figures"
     for sentence in reproduction.failures:
         yield f"Fails: {sentence}"
-
-
-def _spread(spread: Spread, line: Line) -> str:
-    apart = "" if math.isnan(spread.std) else f" +- {_number(spread.std, line)}"
-    return _number(spread.mean, line) + apart
-
-
-def _number(value: float, line: Line) -> str:
-    if math.isnan(value):
-        return ""
-    return f"{value * (100.0 if line.figure.unit == '%' else 1.0):.{line.figure.digits}f}"

@@ -30,12 +30,14 @@ def drawn(kind: str, of: Published, made: Sequence[Made]) -> list[tuple[str, str
     return KINDS[kind](of, made)
 
 
-def _picture(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def picture(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """The last picture of the first run that has one."""
     shown = [(r["seed"], r["picture"]["png"]) for one in made for r in one.records if r.get("picture")]
     return [(f"data:image/png;base64,{png}", f"The last picture of the run with seed {seed}.") for seed, png in shown[:1]]
 
 
-def _time_shares(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def time_shares(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """Time of the association by number of vessels and of spots, a panel each variant."""
     vessels, spots = (sorted({dict(one.wanted.point)[key] for one in made}, key=float) for key in (VESSELS, SPOTS))
     figure, panels = _panels(len(of.variant))
     for axes, variant in zip(panels, of.variant, strict=True):
@@ -56,7 +58,8 @@ def _share(made: Sequence[Made], variant: str, point: Mapping[str, float | int |
     return float(np.mean([a / b for a, b in zip(*times, strict=False)])) if all(times) else 0.0
 
 
-def _noise(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def noise(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """Errors of the fused tracks over the process noise, beside the published ones."""
     fractions = sorted({float(dict(one.wanted.point)[NOISE]) for one in made})
     kinds = (("position", "m"), ("course", "deg"), ("speed", "kn"))
     figure, panels = _panels(len(kinds))
@@ -88,7 +91,8 @@ def _bars(axes: Axes, x: Sequence[float], found: Sequence[Spread], label: str, s
     )
 
 
-def _history(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def history(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """F1 of the decisions over the time since a cold start."""
     stage = "bearing_associations" if any("bearing" in f.path for f in of.figure) else "associations"
     figure, (axes,) = _panels(1)
     shades = iter((LITERAL, "#d98b6a", "#8a6f66"))
@@ -105,7 +109,8 @@ def _history(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     return [(_uri(figure), "F1 of the decisions at that time after a cold start; bars are one standard deviation of a run.")]
 
 
-def _roc(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def roc(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """Rates of accepted pairs of the association test over all thresholds."""
     figure, (axes,) = _panels(1)
     for variant, colour in zip((v for v in of.variant if v.roc), (LITERAL, OURS, BOUND), strict=False):
         one = at(made, variant.name, {})
@@ -152,7 +157,7 @@ def accepted(runs: Sequence[Record], threshold: Floats) -> tuple[Floats, Floats]
     return np.maximum(shares[0], LEAST_RATE), shares[1]
 
 
-def _convergence(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def convergence(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     """ANEES over the first n runs, at the first point of the sweeps."""
     figure, (axes,) = _panels(1)
     records = made[0].records
@@ -165,7 +170,7 @@ def _convergence(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     return [(_uri(figure), "Mean over the first runs; dotted: exact. A consistent estimate has 4.")]
 
 
-def _anees(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def anees(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     """ANEES over the sweep, with 95 % intervals from the scatter between runs."""
     figure, (axes,) = _panels(1)
     key = next(iter(of.sweep))
@@ -182,7 +187,7 @@ def _anees(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     return [(_uri(figure), "Bars: 95 % interval of the mean, from the scatter between runs. Dotted: exact.")]
 
 
-def _targets(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def targets(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     """Scores of tracks of few targets over the sweep, with standard errors."""
     key = next(iter(of.sweep), "")
     shown = ("ospa_m", "OSPA, m"), ("error_m", "TLE, m"), ("probability", "TPD"), ("false_tracks", "TFAR")
@@ -200,7 +205,7 @@ def _targets(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     return [(_uri(figure), "Mean over the runs; bars are one standard error of it.")]
 
 
-def _steps(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def steps(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     """OSPA at each turn of the radar at the middle of the sweep, with standard errors."""
     figure, (axes,) = _panels(1)
     key = next(iter(of.sweep), "")
@@ -216,7 +221,7 @@ def _steps(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     return [(_uri(figure), "Mean over the runs; bands are one standard error of it.")]
 
 
-def _ospa(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def ospa(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     """OSPA of each tracker over time, a panel for each cut-off."""
     asked = of.trackers
     records = [record["scores"]["trackers"] for one in made for record in one.records]
@@ -234,7 +239,7 @@ def _ospa(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     return [(_uri(figure), f"OSPA of order 2 of each tracker over time: means over {asked.every_s:g} s and the runs.")]
 
 
-def _paths(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def paths(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     """The true paths, and those of each tracker that is drawn, of plots over all of these; of the first run."""
     asked = of.trackers
     first = next((record for one in made for record in one.records), None)
@@ -257,7 +262,7 @@ def _paths(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     ]
 
 
-def _scan(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def scan(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     """A turn of the video of the first run, the same with its plots, and the particles at two stages."""
     first = next((record for one in made for record in one.records), None)
     kept = first["scores"]["trackers"] if first else {}
@@ -290,7 +295,7 @@ def _errors(axes: Axes, x: Sequence[float], found: Sequence[Spread], label: str,
     axes.errorbar(x, [s.mean for s in found], np.nan_to_num(error), label=label, color=colour, capsize=3)
 
 
-def _pairs(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+def pairs(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     """True positive rate, and time of the first right association, against false positive rate; a panel pair each variant."""
     figure, panels = _panels(2 * len(made))
     for one, (rates, times) in zip(made, zip(panels[::2], panels[1::2], strict=True), strict=True):
@@ -334,17 +339,7 @@ def _uri(figure: Figure) -> str:
 
 
 KINDS: dict[str, Callable[[Published, Sequence[Made]], list[tuple[str, str]]]] = {
-    "picture": _picture,
-    "time_shares": _time_shares,
-    "noise": _noise,
-    "history": _history,
-    "roc": _roc,
-    "convergence": _convergence,
-    "anees": _anees,
-    "targets": _targets,
-    "steps": _steps,
-    "ospa": _ospa,
-    "paths": _paths,
-    "scan": _scan,
-    "pairs": _pairs,
+    plot.__name__: plot
+    for plot in (picture, time_shares, noise, history, roc, convergence, anees, targets, steps, ospa, paths, scan, pairs)
 }
+"""By the names in `published.toml`."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from coastwatch.batches import AisReports, Messages, Plots, Recording, Sensors, Tracks, Truth
+from coastwatch.batches import AisReports, Messages, Plots, Recording, Sensors
 from coastwatch.geodesy import difference_m, to_plane
 from coastwatch.reproduction.published import Targets
 from coastwatch.reproduction.region_inputs import cycle_inputs
@@ -57,8 +57,10 @@ def _run(scenario: Scenario, method: RadarTracker, seed: int, asked: Targets) ->
     scores, mmsi = TargetScores(asked.cutoff_m, asked.near_m), mmsi_of_vessels(recording.for_scores().ais)
     known = knows_origin(method)
     for now_s, _, found in cycles(scenario, method, recording, method.init()):
-        truth = recording.truth.at(now_s)
-        scores = scores.seen(truth, _counted(found.tracks, truth, sensors, asked.within_m, known), mmsi)
+        truth, tracks = recording.truth.at(now_s), found.tracks
+        near = np.hypot(*difference_m(tracks.position_deg, sensors.radars.site_deg[0]).T) <= asked.within_m
+        counted = np.isin(tracks.origin, truth.vessel) if known else near  # of known origin: those of targets that are there
+        scores = scores.seen(truth, tracks.take(counted), mmsi)
     return {**scores.as_dict(), "every_ospa_m": list(scores.every_ospa_m)}
 
 
@@ -111,9 +113,3 @@ def _as_plots(messages: Messages, sensors: Sensors) -> Plots:
     site_m = np.tile(to_plane(sensors.radars.site_deg[0], sensors.region_origin_deg[0]), (count, 1))
     number = np.zeros(count, np.int64)
     return Plots(number, number, m.time_s, m.position_m, m.covariance, site_m, zero, zero, m.origin)
-
-
-def _counted(tracks: Tracks, truth: Truth, sensors: Sensors, within_m: float, known: bool) -> Tracks:
-    """The tracks in the area; where the origin is known those of targets that are there."""
-    near = np.hypot(*difference_m(tracks.position_deg, sensors.radars.site_deg[0]).T) <= within_m
-    return tracks.take(np.isin(tracks.origin, truth.vessel) if known else near)
