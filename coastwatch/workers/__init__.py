@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import NamedTuple
 
-from coastwatch.kernels.threads import threads
-from coastwatch.stage import Map, RegionMap, serial
+from coastwatch.kernels.threads import over_threads, threads
+from coastwatch.stage import In, Map, Mem, Out, RegionMap, RegionStep, serial
 from coastwatch.workers.malloc import keep_freed_memory
 from coastwatch.workers.processors import processors
-from coastwatch.workers.region_threads import ThreadedRegions
 
-__all__ = ["Workers", "open_workers", "processors"]
+__all__ = ["ThreadedRegions", "Workers", "open_workers", "processors"]
+
+
+class ThreadedRegions:
+    """A RegionMap over the threads that `kernels.threads.threads` has opened. One region alone has them all for its kernels."""
+
+    def __call__(self, step: RegionStep[Mem, In, Out], memories: Sequence[Mem], given: Sequence[In]) -> list[tuple[Mem, Out]]:
+        """What step(memory, given) returns for each region."""
+        return over_threads([partial(step, memory, region_input) for memory, region_input in zip(memories, given, strict=True)])
+
+    def gather(self, memories: Sequence[Mem]) -> list[Mem]:
+        """The memories as they are."""
+        return list(memories)
 
 
 class Workers(NamedTuple):

@@ -12,9 +12,8 @@ from regions_world import CYCLES, REGIONS, Centre, FailingHosts, run_regions, sc
 from coastwatch.kernels.threads import threads
 from coastwatch.server.checkpoint import save
 from coastwatch.stage import serial_regions
-from coastwatch.workers import open_workers, remote_regions
+from coastwatch.workers import ThreadedRegions, open_workers, remote_regions
 from coastwatch.workers.region_processes import ProcessHosts
-from coastwatch.workers.region_threads import ThreadedRegions
 from coastwatch.workers.remote_regions import Kept, RemoteRegions
 
 pytestmark = pytest.mark.contract

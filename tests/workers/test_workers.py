@@ -17,10 +17,9 @@ from coastwatch.batches import TrackReports, Tracks
 from coastwatch.batches.plain_data import TreeError, classes_in, from_tree, to_tree
 from coastwatch.kernels.threads import blocks
 from coastwatch.stage import Groups, serial
-from coastwatch.workers import open_workers, processors
+from coastwatch.workers import ThreadedRegions, open_workers, processors
 from coastwatch.workers.costs import Costs, deal
 from coastwatch.workers.processes import Processes
-from coastwatch.workers.region_threads import ThreadedRegions
 from coastwatch.workers.remote_regions import RemoteRegions
 from coastwatch.workers.shared_memory import Publisher, Reader, receive, send
 
