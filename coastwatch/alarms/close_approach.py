@@ -95,7 +95,9 @@ def close_pairs(
     weak = (pairs.cpa_m > limit_m) | (pairs.tcpa_s > within_s)
     urgent = _most_urgent(pairs, weak, MOST_FOLLOWED, len(picture))
     if opened is not None and not urgent.all():
-        is_open = np.flatnonzero(_among(pairs, picture.vessel_id, *opened))
+        one, other = (find(picture.vessel_id, ids) for ids in opened)
+        here, count = (one >= 0) & (other >= 0), len(picture)
+        is_open = np.flatnonzero(np.isin(pairs.first * count + pairs.second, one[here] * count + other[here]))
         of_open = pairs.take(is_open)
         urgent[is_open] |= _most_urgent(of_open, np.zeros(len(is_open), np.bool_), MOST_OPEN, len(picture))
     pairs, left_out = pairs.take(urgent), left_out + int((~urgent).sum())
@@ -118,13 +120,6 @@ def _most_urgent(pairs: Pairs, weak: Bools, most: int, vessels: int) -> Bools:
     is_urgent[:] = False
     is_urgent[soonest[end[urgent] // 2]] = True
     return is_urgent
-
-
-def _among(pairs: Pairs, vessel_id: Ints, first_id: Ints, second_id: Ints) -> Bools:
-    """Which pairs are those of these ids. (P,) Args: vessel_id: (V,) sorted; first_id, second_id: (B,), the lower first."""
-    first, second = find(vessel_id, first_id), find(vessel_id, second_id)
-    there, count = (first >= 0) & (second >= 0), len(vessel_id)
-    return np.isin(pairs.first * count + pairs.second, first[there] * count + second[there])
 
 
 def _counts(settings: AlarmSettings, picture: Picture, slow: Bools, time_s: float) -> Bools:

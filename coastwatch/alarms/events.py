@@ -274,10 +274,13 @@ def _radar_silence(begins: Beginning) -> list[str]:
 
 def _in_range_of(what: str, names: Sequence[str]) -> str:
     """Such as "; in range of radars north, south and 2 more"."""
-    if not names:
-        return ""
-    shown, unnamed = ", ".join(names[:MOST_NAMED]), len(names) - MOST_NAMED
-    return f"; in range of {what}{'s' if len(names) > 1 else ''} {shown}" + (f" and {unnamed} more" if unnamed > 0 else "")
+    return f"; in range of {what}{'s' if len(names) > 1 else ''} {_some_of(names)}" if names else ""
+
+
+def _some_of(names: Sequence[str]) -> str:
+    """Such as "north, south, east and 2 more"."""
+    unnamed = len(names) - MOST_NAMED
+    return ", ".join(names[:MOST_NAMED]) + (f" and {unnamed} more" if unnamed > 0 else "")
 
 
 def _track_texts(row: Ints, picture: Picture, context: EvidenceContext) -> list[str]:
@@ -342,10 +345,6 @@ def _ages(begins: Beginning) -> list[str]:
     return [f", positions {own:.0f} and {other:.0f} s old" if np.isfinite(own + other) else "" for own, other in pairs.tolist()]
 
 
-def _silent_sensors(begins: Beginning) -> list[str]:
-    return [f"{begins.kind.subject} {name}" if name else "AIS" for name in begins.alarms.name.tolist()]
-
-
 def _habits(begins: Beginning) -> list[str]:
     """How often each silent sensor was heard before, and how much of it."""
     hearing, amount = begins.context.hearing, SILENT_SENSORS[begins.kind.subject][1]
@@ -382,9 +381,8 @@ def _reach(begins: Beginning) -> list[str]:
         for row in rows:
             offset_m = difference_m(picture.position_deg, np.broadcast_to(expected.site_deg[row], picture.position_deg.shape))
             reached |= np.hypot(offset_m[:, 0], offset_m[:, 1]) <= expected.range_m[row]
-        names = ", ".join(expected.names[row] for row in rows[:MOST_NAMED])
-        unnamed = f" and {len(rows) - MOST_NAMED} more" if len(rows) > MOST_NAMED else ""
-        sentences.append(f"; vessels in range of {names}{unnamed}: {int(reached.sum())}")
+        names = _some_of([expected.names[row] for row in rows])
+        sentences.append(f"; vessels in range of {names}: {int(reached.sum())}")
     return sentences
 
 
@@ -399,7 +397,7 @@ FIELDS: Mapping[str, Callable[[Beginning], Sequence[object]]] = {
     "side": lambda begins: ["right" if right > 0 else "left" for right in begins.alarms.to_right.tolist()],
     "other": _other_vessels,
     "ages": _ages,
-    "sensor": _silent_sensors,
+    "sensor": lambda begins: [f"{begins.kind.subject} {name}" if name else "AIS" for name in begins.alarms.name.tolist()],
     "report": lambda begins: [SILENT_SENSORS[begins.kind.subject][0]] * len(begins.alarms),
     "habit": _habits,
     "reach": _reach,

@@ -14,15 +14,13 @@ from pydantic import Field
 
 from coastwatch.batches import AlarmKind, Batch, Bools, Floats, Ints, column, joint_keys
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.stage import Method
+from coastwatch.stage import Method, NotNegative
 
 KEYS = 64
 """A key is vessel_id * KEYS + number of the kind."""
 
 SLACK_S = 1e-3
 """What the difference of two times may be short of a limit: they are rounded to parts of a microsecond."""
-
-NotNegative = Annotated[float, Field(ge=0.0)]
 
 
 class AlarmSettings(Method):
