@@ -46,16 +46,8 @@ def closest_pairs(connection: Connection, run_id: int, values: Mapping[str, floa
     first, second = _pairs_within(vessels, within_m)
     distance_m = np.hypot(*_offset_m(first, second).T)
     near = (distance_m <= within_m) & ((first.sog_kn >= least_kn) | (second.sog_kn >= least_kn))
-    rows = _least(near, distance_m, first, second, int(values["count"]))
-    first, second = first.take(rows), second.take(rows)
-    named = {
-        "first_id": first.vessel_id,
-        "second_id": second.vessel_id,
-        "distance_m": distance_m[rows],
-        "first_sog_kn": first.sog_kn,
-        "second_sog_kn": second.sog_kn,
-    }
-    return _rows(named, first, second)
+    columns = {"distance_m": distance_m, "first_sog_kn": first.sog_kn, "second_sog_kn": second.sog_kn}
+    return _least(near, distance_m, first, second, int(values["count"]), columns)
 
 
 def closest_approach(connection: Connection, run_id: int, values: Mapping[str, float | str]) -> Rows:
@@ -72,16 +64,8 @@ def closest_approach(connection: Connection, run_id: int, values: Mapping[str, f
     passing_m = np.hypot(*(offset_m + velocity_m_s * after_s[:, None]).T)
     distance_m = np.hypot(*offset_m.T)
     chosen = (distance_m <= search_m) & (square > 0.01) & (after_s >= 0.0) & (after_s <= horizon_s) & (passing_m <= within_m)
-    rows = _least(chosen, after_s, first, second, int(values["count"]))
-    first, second = first.take(rows), second.take(rows)
-    named = {
-        "first_id": first.vessel_id,
-        "second_id": second.vessel_id,
-        "passing_in_s": after_s[rows],
-        "passing_m": passing_m[rows],
-        "distance_m": distance_m[rows],
-    }
-    return _rows(named, first, second)
+    columns = {"passing_in_s": after_s, "passing_m": passing_m, "distance_m": distance_m}
+    return _least(chosen, after_s, first, second, int(values["count"]), columns)
 
 
 def _current_vessels(connection: Connection, run_id: int) -> Vessels:
@@ -115,14 +99,13 @@ def _offset_m(first: Vessels, second: Vessels) -> Floats:
     return np.stack([turn * DEGREE_M * np.cos(middle), step[:, 0] * DEGREE_M], 1)
 
 
-def _least(chosen: Bools, by: Floats, first: Vessels, second: Vessels, count: int) -> Ints:
-    """Rows of the chosen pairs with the least values, in order; at most so many."""
+def _least(chosen: Bools, by: Floats, first: Vessels, second: Vessels, count: int, columns: Mapping[str, Array]) -> Rows:
+    """The chosen pairs with the least values, in order; at most so many. Args: columns: (Q,) of all pairs, behind the two ids."""
     rows = np.flatnonzero(chosen)
-    least: Ints = rows[np.lexsort((second.vessel_id[rows], first.vessel_id[rows], by[rows]))][:count]
-    return least
-
-
-def _rows(named: Mapping[str, Array], first: Vessels, second: Vessels) -> Rows:
-    position = dict(zip(("latitude_deg", "longitude_deg"), first.position_deg.T, strict=True))
-    every = {**named, "first_mmsi": first.mmsi, "second_mmsi": second.mmsi, **position}
+    rows = rows[np.lexsort((second.vessel_id[rows], first.vessel_id[rows], by[rows]))][:count]
+    first, second = first.take(rows), second.take(rows)
+    every: dict[str, Array] = {"first_id": first.vessel_id, "second_id": second.vessel_id}
+    every |= {name: column[rows] for name, column in columns.items()}
+    every |= {"first_mmsi": first.mmsi, "second_mmsi": second.mmsi}
+    every |= zip(("latitude_deg", "longitude_deg"), first.position_deg.T, strict=True)
     return Rows(tuple(every), Table.of(every).rows)
