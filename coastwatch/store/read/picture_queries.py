@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from sqlalchemy import ColumnElement, Connection, Executable, and_, func, or_, select
+from sqlalchemy import ColumnElement, Connection, Executable, Select, and_, func, or_, select
 from sqlalchemy import Table as SqlTable
 
 from coastwatch.batches import Array, Floats, Ints
@@ -175,7 +175,11 @@ def picture_of_cycle(
     )
     time_s, first, recorded = connection.execute(query).one()
     if recorded and vessel_id is None:
-        return _with_details(connection, run_id, cycle, _from_recording(connection, run_id, cycle, bbox), wanted)
+        picture, _ = read_recorded(connection, run_id, cycle, bbox)
+        kept = {name: getattr(picture, name) for name in OWN}
+        moved = motion(picture.velocity_m_s, picture.covariance)
+        kept |= zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True)
+        return _with_details(connection, run_id, cycle, kept, wanted)
     assert first is not None
     number, at_s = cycle_times(connection, run_id, first, cycle)
     names = ["vessel_id", "cycle", *MOTION, "closing", "mmsi"]
@@ -222,13 +226,6 @@ def _heard_by(connection: Connection, run_id: int, cycle: int, time_s: float, co
     row = find(vessel[first], columns["vessel_id"])
     then = np.where(row >= 0, np.append(heard_s[first], np.nan)[row], own)
     return np.maximum(np.minimum(then, time_s), own)
-
-
-def _from_recording(connection: Connection, run_id: int, cycle: int, bbox: Box | None) -> Columns:
-    picture, _ = read_recorded(connection, run_id, cycle, bbox)
-    own = {name: getattr(picture, name) for name in OWN}
-    moved = motion(picture.velocity_m_s, picture.covariance)
-    return {**own, **dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))}
 
 
 def _newest_points(connection: Connection, run_id: int, number: Ints, names: Sequence[str], vessel_id: int | None) -> Columns:
@@ -362,16 +359,20 @@ def decided_path(store: Store, run_id: int, vessel_id: int, newest: int | None =
 def _decided(connection: Connection, run_id: int, vessel_id: int, newest: int | None) -> Rows:
     """The corrected past of a vessel, by time, by seeking the key (run, cycle, vessel) in each cycle of its stays."""
     d, same = DECIDED_PATH.c, and_(SENSOR.c.run_id == DECIDED_PATH.c.run_id, SENSOR.c.kind == "radar")
-    stay = and_(PRESENCE.c.run_id == CYCLE.c.run_id, PRESENCE.c.vessel_id == vessel_id, PRESENCE.c.from_cycle <= CYCLE.c.number)
-    lasts = or_(PRESENCE.c.to_cycle.is_(None), PRESENCE.c.to_cycle >= CYCLE.c.number)
-    there = select(CYCLE.c.number).join(PRESENCE, and_(stay, lasts)).where(CYCLE.c.run_id == run_id)
     columns = [d.time_s, d.latitude_deg, d.longitude_deg, d.sog_kn, d.cog_deg, d.major_m, d.minor_m, d.orientation_deg]
     query = select(*columns, d.track_id, SENSOR.c.name.label("radar"), d.cycle.label("decided_cycle"))
     query = query.select_from(DECIDED_PATH.outerjoin(SENSOR, and_(same, SENSOR.c.number == d.radar)))
-    query = query.where(d.run_id == run_id, d.cycle.in_(there), d.vessel_id == vessel_id)
+    query = query.where(d.run_id == run_id, d.cycle.in_(_cycles_with(run_id, vessel_id)), d.vessel_id == vessel_id)
     rows = fetch_rows(connection, query.order_by(d.cycle.desc(), d.number.desc()).limit(newest))
     track = rows.columns.index("track_id")
     return Rows(rows.columns, sorted(rows.rows, key=lambda row: (row[0], row[track])))
+
+
+def _cycles_with(run_id: int, vessel_id: int) -> Select[tuple[int]]:
+    """The numbers of the cycles that the stays of a vessel have in them."""
+    stay = and_(PRESENCE.c.run_id == CYCLE.c.run_id, PRESENCE.c.vessel_id == vessel_id, PRESENCE.c.from_cycle <= CYCLE.c.number)
+    lasts = or_(PRESENCE.c.to_cycle.is_(None), PRESENCE.c.to_cycle >= CYCLE.c.number)
+    return select(CYCLE.c.number).join(PRESENCE, and_(stay, lasts)).where(CYCLE.c.run_id == run_id)
 
 
 def _events(run_id: int, vessel_id: int) -> Executable:
@@ -402,9 +403,7 @@ def _rows_of_vessel(table: SqlTable, run_id: int, vessel_id: int) -> Executable:
 
     The cycles are an IN list and not a join, which SQLite's planner now and then turns into a scan of the large table.
     """
-    stay = and_(PRESENCE.c.run_id == CYCLE.c.run_id, PRESENCE.c.vessel_id == vessel_id, PRESENCE.c.from_cycle <= CYCLE.c.number)
-    lasts = or_(PRESENCE.c.to_cycle.is_(None), PRESENCE.c.to_cycle >= CYCLE.c.number)
-    there = select(CYCLE.c.number).join(PRESENCE, and_(stay, lasts)).where(CYCLE.c.run_id == run_id, CYCLE.c.associations_kept)
+    there = _cycles_with(run_id, vessel_id).where(CYCLE.c.associations_kept)
     columns = [c for c in table.c if c.name not in ("run_id", "cycle", "vessel_id")]
     here, its_cycle = table.c, CYCLE.alias()
     query = select(here.cycle, its_cycle.c.time_s, *columns).join(
