@@ -23,7 +23,7 @@ from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
 from coastwatch.errors import DatabaseAddressError, StoreError
-from coastwatch.spelling import did_you_mean
+from coastwatch.spelling import did_you_mean, json_value
 from coastwatch.store.schema.tables import METADATA, REVISION, REVISION_TABLE
 
 BACKENDS = ("sqlite", "postgresql")
@@ -409,16 +409,4 @@ def now_utc(connection: Connection, later: timedelta = timedelta()) -> str:
 
 def as_json(value: object) -> str:
     """JSON text of plain values; not a number and infinity are null."""
-    return json.dumps(_json_value(value), allow_nan=False)
-
-
-def _json_value(value: object) -> object:
-    if hasattr(value, "tolist"):  # an array or a number of numpy
-        value = value.tolist()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, dict):
-        return {str(k): _json_value(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_json_value(v) for v in value]
-    return value if value is None or isinstance(value, str | int | float) else str(value)
+    return json.dumps(json_value(value), allow_nan=False, default=str)

@@ -193,7 +193,8 @@ def static_rows(reports: AisStatics) -> tuple[Ints, dict[str, Column]]:
         return np.where(rows < 0, np.nan, column[rows])
 
     def texts(column: Array) -> list[Any]:
-        cleaned = [_clean(x) for x in column.tolist()]
+        # without what PostgreSQL cannot hold, and the padding of AIS
+        cleaned = [text.replace("\x00", "").strip().rstrip("@") for text in column.tolist()]
         return [None if row < 0 else cleaned[row] for row in newest(np.array([x != "" for x in cleaned], np.bool_)).tolist()]
 
     ship_type = newest(reports.ship_type >= 0)
@@ -340,8 +341,3 @@ def _vessel_of(members: Ints, source: Ints, track: Ints) -> Ints:
         at = find(of_source[:, 2], track[rows])
         vessel[rows[at >= 0]] = of_source[at[at >= 0], 0]
     return vessel
-
-
-def _clean(text: str) -> str:
-    """A text without what PostgreSQL cannot hold and the padding of AIS."""
-    return text.replace("\x00", "").strip().rstrip("@")
