@@ -48,11 +48,6 @@ class OutSettings:
     site_deg: tuple[float, float] | None = None  # from which range and bearing are
 
 
-def _report_sources(decoders: Sequence[Decoder]) -> list[ReportsBetween]:
-    """Each feed by itself."""
-    return [decoder.reports_between for decoder in decoders]
-
-
 NAMED_BY_CODES = "SAC/SIC"
 """An option of ASTERIX: the name of a radar or a track source, by the numbers of its system area and its code."""
 
@@ -68,7 +63,10 @@ class Format:
 
     name: str  # as it stands in addresses
     decoder: Callable[[FeedSettings, Sensors], Decoder] | None = None  # raises OptionError
-    report_sources: Callable[[Sequence[Decoder]], list[ReportsBetween]] = _report_sources  # of all feeds of it together
+    report_sources: Callable[[Sequence[Decoder]], list[ReportsBetween]] = lambda decoders: [
+        decoder.reports_between for decoder in decoders
+    ]
+    """Of all feeds of it together; where nothing else is said, each feed by itself."""
     encode: Callable[[Reports, SensorNames], list[bytes]] | None = None  # lines or datagrams of reports
     encodes: tuple[str, ...] = ()  # the kinds of reports that `encode` takes: fields of `Reports`
     pictures: Callable[[OutSettings], Encoder] | None = None

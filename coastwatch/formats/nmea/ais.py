@@ -20,7 +20,7 @@ from coastwatch.formats.intake.reception_time import repeated
 from coastwatch.formats.nmea.messages import Assembler, Messages, messages_where
 from coastwatch.formats.nmea.new_vessels import BEYOND, NewVessels
 from coastwatch.formats.nmea.payload import decoded
-from coastwatch.formats.nmea.sentence_feed import made_sentence
+from coastwatch.formats.nmea.sentence_feed import CLOCKS, MOST_AHEAD, made_sentence
 from coastwatch.formats.nmea.sentences import FURTHER, ais_sentences
 
 ANY_LATENESS_S = 1e9
@@ -29,13 +29,9 @@ ANY_LATENESS_S = 1e9
 MOST_SENDERS = 256
 """Senders of one feed whose clocks are kept; of more, the one that was heard longest ago goes."""
 
-MOST_AHEAD = 16
-"""Lines at the end of what came that may belong to the next sentence."""
-
 JUDGED_FOR_S = 60.0
 """The clock of a sender that was not heard for so long is not judged any more."""
 
-CLOCKS = b"ZDA", b"RMC"
 FAR_CLOCK = "clock sentence far from the clock of this machine, time of arrival taken"
 
 TWICE_WITHIN_S = AisIntake().duplicate_within_s

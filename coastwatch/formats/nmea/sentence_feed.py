@@ -17,6 +17,9 @@ from coastwatch.formats.nmea.sentences import CHECKSUM, wanted_sentences
 MOST_AHEAD = 16
 """Lines at the end of what came that may belong to the next sentence."""
 
+CLOCKS = b"ZDA", b"RMC"
+"""Formatters of sentences that say what time it is."""
+
 AHEAD = b"$PGHP", b"\\"
 """Beginnings of lines that may belong to the next sentence."""
 
@@ -54,7 +57,7 @@ class SentenceFeed:
             ahead -= 1
         items, waiting = items[:ahead], items[ahead:]
         first = self._seen - len(waiting) - len(items)
-        clock = [item for item in items if item[1][3:6] in (b"ZDA", b"RMC")][-1:]
+        clock = [item for item in items if item[1][3:6] in CLOCKS][-1:]
         self._before, self._again = [*clock, *waiting], len(clock)
         lines = [line for _, line, _ in items]
         for received in wanted_sentences(lines, self._name, self._tally, self._wanted, self._ledger, again):

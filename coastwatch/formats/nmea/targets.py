@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import Floats, Reports, Sensors, TrackReports, TrackSources
+from coastwatch.batches import Floats, Reports, TrackReports, TrackSources
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
 from coastwatch.formats.format import Format, OutSettings, Vessels
 from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE
@@ -301,15 +301,22 @@ def _angle(degrees: float, positive: str, negative: str, width: int) -> str:
     return f"{whole:0{width}d}{minutes - 60 * whole:07.4f},{positive if degrees >= 0 else negative}"
 
 
-def _decoder(feed: FeedSettings, sensors: Sensors) -> TargetDecoder:
-    """Raises: OptionError."""
-    sources = sensors.track_sources
-    return TargetDecoder(feed.name, sources, source_of(feed, sources), site_deg=site_of(feed), checked=feed.checked)
-
-
 def _pictures(to: OutSettings) -> TargetEncoder:
     return TargetEncoder(to.site_deg)
 
 
-TTM = Format("ttm", decoder=_decoder, pictures=_pictures, options=("source", "site"), needs_site=True, own_source=True)
+TTM = Format(
+    "ttm",
+    decoder=lambda feed, sensors: TargetDecoder(
+        feed.name,
+        sensors.track_sources,
+        source_of(feed, sensors.track_sources),
+        site_deg=site_of(feed),
+        checked=feed.checked,
+    ),
+    pictures=_pictures,
+    options=("source", "site"),
+    needs_site=True,
+    own_source=True,
+)
 TLL = Format("tll", pictures=_pictures)
