@@ -69,6 +69,8 @@ def add_db(parser: Parser) -> None:
 
 
 def add_run(parser: Parser) -> None:
+    """Adds the database and the run in it."""
+    add_db(parser)
     parser.add_argument("--run", metavar="ID", type=whole, help="number of the run (default: the latest)")
 
 
@@ -84,7 +86,6 @@ def add_box(parser: Parser, text: str, required: bool = False) -> None:
 
 def add_span(parser: Parser) -> None:
     """Adds what a question about the past needs: database, run, box and two instants."""
-    add_db(parser)
     add_run(parser)
     add_box(parser, "the box, degrees; W > E crosses the antimeridian", required=True)
     parser.add_argument("--from", metavar="UTC", type=utc, dest="from_s", required=True, help="first instant, ISO 8601")

@@ -306,7 +306,6 @@ def picture(parser: Parser) -> None:
     """The picture of a run: one row per vessel. Speeds in knots, courses in degrees true, times in UTC, MMSI with nine digits.
     The table has the main columns; the other formats have all.
     """
-    add_db(parser)
     add_run(parser)
     add_moment(parser)
     add_rows(parser)
@@ -319,7 +318,6 @@ def track(parser: Parser) -> None:
     watch saw. With --decided: its corrected past instead, the line to print after an incident.
     """
     parser.add_argument("vessel", metavar="ID", type=whole, help="vessel id, as in `coastwatch picture` (not the MMSI)")
-    add_db(parser)
     add_run(parser)
     add_format(parser)
     parser.add_argument(
@@ -355,7 +353,6 @@ def replay(parser: Parser) -> None:
     they were computed. Members are the tracks of radars, AIS and received tracks, written source:track. Then come the velocity
     in metres a second east and north, and the covariance of position and velocity in metres and seconds.
     """
-    add_db(parser)
     add_run(parser)
     text = "first instant (default: the first recorded cycle)"
     parser.add_argument("--from", metavar="UTC", type=utc, dest="from_s", help=text)
@@ -375,7 +372,6 @@ def sensors(parser: Parser) -> None:
     subtracted only once it is accurate. Of a sonar: its bearing bias. Signs: degrees clockwise, metres too long, seconds too
     late. AIS reports do not name their receiver, so all receivers show the newest.
     """
-    add_db(parser)
     add_run(parser)
     text = "instant, ISO 8601, e.g. 2026-07-01T12:00:00Z (default: the last cycle)"
     parser.add_argument("--at", metavar="UTC", type=utc, help=text)
@@ -400,7 +396,6 @@ def query(parser: Parser) -> None:
     """Answer one of the questions in db/operator. Without a name, list them with their parameters."""
     text = "name of the question (default: list all)"
     completed_by(parser.add_argument("name", metavar="NAME", nargs="?", help=text), QUESTIONS)
-    add_db(parser)
     add_run(parser)
     add_set(parser, "a parameter of the question, e.g. --set count=20; repeatable")
     text = "of questions `alarms` and `audit`: the {}, ISO 8601, e.g. 2026-07-01T12:00:00Z"
@@ -427,7 +422,6 @@ def plot(parser: Parser) -> None:
     text = "with --video: the turn, counted from 1 by the radar's rpm (default: 10, or the last of a shorter run)"
     parser.add_argument("--turn", metavar="N", type=count, help=text)
     add_set(parser, "with --video: override a setting of the scenario; repeatable")
-    add_db(parser)
     add_run(parser)
     add_moment(parser)
     parser.add_argument(
