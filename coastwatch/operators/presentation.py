@@ -15,6 +15,7 @@ from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Flag, Floats, nav_s
 from coastwatch.errors import InputError
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.operators.columns import digits_of, rounded
+from coastwatch.operators.typed import Box
 from coastwatch.spelling import did_you_mean
 from coastwatch.store import QueryLimit, Rows, Store, Table
 from coastwatch.store.read.questions import ParameterError
@@ -63,8 +64,6 @@ LAST = 2**62
 COURSES = ("cog_deg", "bearing_deg")  # never 360.00
 WORDS = ("flags", "nav_status")  # numbers that people read as words
 NAMED_SOURCES = ("source", "first_source", "second_source")
-
-Box = tuple[float, float, float, float]
 
 
 class Sensor(TypedDict):

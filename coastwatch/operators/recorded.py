@@ -135,8 +135,11 @@ def document(files: Files, sensors: Mapping[str, Sequence[Site]], period_s: floa
     screens = {kind: [file.settings() for file in files.screens if file.kind == kind] for kind in SCREENS}
     is_cleaned = bool(screens["haxr"]) and not screens["pictures"] and not any(feed.format == "video" for feed in files.feeds)
     parts["feeds"] = [feed.text for feed in files.feeds]
+    # The name is unique to the set of files, so that --restart and --resume affect no other run.
+    stem = re.sub(r"[^A-Za-z0-9_]+", "-", Path(paths[0]).name)[:16].strip("-")
+    digest = zlib.crc32("\n".join(str(Path(name).resolve()) for name in paths).encode())
     return {
-        "name": _name(paths),
+        "name": f"fuse-{stem}-{digest:08x}",
         "title": "Recorded: " + ", ".join(Path(path).name for path in paths),
         "period_s": period_s,
         "cycles": 0,
@@ -147,12 +150,6 @@ def document(files: Files, sensors: Mapping[str, Sequence[Site]], period_s: floa
         **({"extraction": {"method": "absolute"}} if is_cleaned else {}),
         "input": {"method": "tables", **parts, **screens, **_columns(files.columns, [part for part in COLUMNS if parts[part]])},
     }
-
-
-def _name(files: list[str]) -> str:
-    """A name that is unique to a set of files, so that --restart and --resume affect no other run."""
-    digest = zlib.crc32("\n".join(str(Path(name).resolve()) for name in files).encode())
-    return f"fuse-{re.sub(r'[^A-Za-z0-9_]+', '-', Path(files[0]).name)[:16].strip('-')}-{digest:08x}"
 
 
 def track_sources(files: Files, site: tuple[float, float] | None) -> list[Site]:

@@ -17,6 +17,7 @@ from coastwatch.errors import InputError, StoreError
 from coastwatch.operators.export import csv_cell, write_parquet
 from coastwatch.operators.output_file import written
 from coastwatch.operators.presentation import flag_words
+from coastwatch.operators.typed import Box
 from coastwatch.store import Recorded, Store
 from coastwatch.store.rows import motion
 
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 else:
     polars = lazy_loader.load("polars")  # every command that reads imports this module, only `replay` needs polars
 
-Box = tuple[float, float, float, float]
 INSTANT = "%Y-%m-%dT%H:%M:%S%.6fZ"
 AXES = ("east", "north", "east_rate", "north_rate")
 

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from coastwatch.batches import Fault, FileContent
 from coastwatch.formats.intake.accounts import LOSSES, accounts
 from coastwatch.formats.intake.faults import refused
+from coastwatch.operators.typed import Box
 from coastwatch.scenario import Scenario
 from coastwatch.scenario.sites import Radar, Station
 from coastwatch.server.run import RunResult
@@ -19,8 +20,6 @@ CUT_S = 3_600.0
 """Files of one kind that follow each other so soon are one recording, cut in parts."""
 
 UNKNOWN_SENSORS = ("unknown radar", "unknown sonar", "unknown track source")
-
-Box = tuple[float, float, float, float]
 
 
 def contents_as_lines(contents: Sequence[FileContent]) -> Iterator[str]:
