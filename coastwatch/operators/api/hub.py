@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 from starlette.websockets import WebSocket
 
 from coastwatch.batches import Array
 from coastwatch.operators.api.metrics import Metrics
-from coastwatch.operators.api.streaming import BAD_MESSAGE, first_done, sent_in_time
+from coastwatch.operators.api.streaming import first_done, sent_in_time, take_messages
 from coastwatch.operators.api.wire import PROTOCOL, RING, UNKNOWN_SOG, Encoder, Frame, since
 from coastwatch.server.live_picture import LivePicture
 from coastwatch.store.bbox import inside
@@ -25,6 +25,7 @@ from coastwatch.store.bbox import inside
 SILENCE_S = 10.0
 """Without a new frame a heartbeat is sent so often."""
 
+NEEDED = f"needed JSON with bbox, kinds, min_sog and flags, as in {PROTOCOL}"
 Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 
 
@@ -144,7 +145,7 @@ class Hub:
         self.viewers.add(viewer)
         self._metrics.viewers.set(len(self.viewers))
         try:
-            await first_done(self._send(socket, viewer), _listen(socket, viewer))
+            await first_done(self._send(socket, viewer), take_messages(socket, viewer.ask, NEEDED))
         finally:
             self.viewers.discard(viewer)
             self._metrics.viewers.set(len(self.viewers))
@@ -170,13 +171,3 @@ class Hub:
         in_time = await sent_in_time(socket, data)
         self._metrics.slow_closed.inc(not in_time)
         return in_time
-
-
-async def _listen(socket: WebSocket, viewer: Viewer) -> None:
-    """Take what a viewer asks for, until it leaves."""
-    while True:
-        try:
-            viewer.ask(await socket.receive_text())
-        except (ValidationError, ValueError, KeyError, TypeError):
-            await socket.close(BAD_MESSAGE, f"needed JSON with bbox, kinds, min_sog and flags, as in {PROTOCOL}")
-            return

@@ -43,6 +43,16 @@ async def woken_by(listen: Callable[[Callable[[], None]], Callable[[], None]]) -
         stop()
 
 
+async def take_messages(socket: WebSocket, take: Callable[[str], object], needed: str) -> None:
+    """Take what the other side says, until it leaves. A message that `take` refuses closes the socket. Args: needed: in its place."""
+    while True:
+        try:
+            take(await socket.receive_text())
+        except (ValueError, KeyError, TypeError):
+            await socket.close(BAD_MESSAGE, needed)
+            return
+
+
 async def first_done(*jobs: Awaitable[Any]) -> None:
     """Run jobs until the first one ends, then stop the others. A viewer that leaves is no error."""
     tasks = [asyncio.ensure_future(job) for job in jobs]

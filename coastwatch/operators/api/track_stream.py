@@ -7,7 +7,7 @@ import json
 
 from starlette.websockets import WebSocket
 
-from coastwatch.operators.api.streaming import BAD_MESSAGE, first_done, sent_in_time, woken_by
+from coastwatch.operators.api.streaming import first_done, sent_in_time, take_messages, woken_by
 from coastwatch.server.regions.link import Outgoing, Position
 from coastwatch.server.regions.message import PROTOCOL, PROTOCOLS
 from coastwatch.server.regions.publisher import Publisher
@@ -25,7 +25,14 @@ async def serve_tracks(socket: WebSocket, publisher: Publisher | None, had: Posi
         return
     outgoing = Outgoing(had)
     async with woken_by(publisher.listen) as wake:
-        await first_done(_send(socket, publisher, outgoing, from_s, wake), _listen(socket, outgoing, wake))
+
+        def acknowledge(text: str) -> None:
+            answer = json.loads(text)
+            outgoing.acknowledged(Position(str(answer["run"]), int(answer["seq"])))
+            wake.set()
+
+        needed = f'needed {{"run": "...", "seq": 1}}, as in {PROTOCOL}'
+        await first_done(_send(socket, publisher, outgoing, from_s, wake), take_messages(socket, acknowledge, needed))
 
 
 async def _send(socket: WebSocket, publisher: Publisher, outgoing: Outgoing, from_s: float, wake: asyncio.Event) -> None:
@@ -40,15 +47,3 @@ async def _send(socket: WebSocket, publisher: Publisher, outgoing: Outgoing, fro
             outgoing.sent(position)
         if not cycles:
             await wake.wait()
-
-
-async def _listen(socket: WebSocket, outgoing: Outgoing, wake: asyncio.Event) -> None:
-    """Take acknowledgements until the centre leaves."""
-    while True:
-        try:
-            answer = json.loads(await socket.receive_text())
-            outgoing.acknowledged(Position(str(answer["run"]), int(answer["seq"])))
-        except (ValueError, KeyError, TypeError):
-            await socket.close(BAD_MESSAGE, f'needed {{"run": "...", "seq": 1}}, as in {PROTOCOL}')
-            return
-        wake.set()

@@ -13,11 +13,11 @@ from typing import Annotated
 
 import numpy as np
 from fastapi import APIRouter, HTTPException, Path, Response
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 from starlette.websockets import WebSocket
 
 from coastwatch.operators.api.answers import REFUSALS, In
-from coastwatch.operators.api.streaming import BAD_MESSAGE, first_done, sent_in_time, woken_by
+from coastwatch.operators.api.streaming import first_done, sent_in_time, take_messages, woken_by
 from coastwatch.operators.api.validation import CheckedRoute
 from coastwatch.operators.presentation import utc_text
 from coastwatch.server.live_video import RANGES, ROWS, SECTORS, SHADES, LiveVideo, Sector
@@ -73,10 +73,20 @@ async def serve_video(socket: WebSocket, video: LiveVideo | None, run: int, numb
         return
     await socket.send_text(json.dumps({"run": video.run, "radars": video.names}))
     seen: dict[int, int] = {}  # by radar that is asked for, the number of its last sector
+    first = number if run == video.run else 0  # what it has of the radars that it asks for first
     async with woken_by(video.listen) as wake:
-        await first_done(
-            _send(socket, video, seen, wake), _listen(socket, video, (seen, number if run == video.run else 0), wake)
-        )
+
+        def ask(text: str) -> None:
+            nonlocal first
+            radars = [video.names.index(name) for name in Wish.model_validate_json(text).radars]
+            kept = {radar: seen.get(radar, first) for radar in radars}
+            seen.clear()
+            seen.update(kept)
+            first = 0
+            wake.set()
+
+        needed = f'needed {{"radars": ["..."]}} with names of radars, as in {PROTOCOL}'
+        await first_done(_send(socket, video, seen, wake), take_messages(socket, ask, needed))
 
 
 async def _send(socket: WebSocket, video: LiveVideo, seen: dict[int, int], wake: asyncio.Event) -> None:
@@ -94,22 +104,6 @@ async def _send(socket: WebSocket, video: LiveVideo, seen: dict[int, int], wake:
         except TimeoutError:
             if not await sent_in_time(socket, heartbeat(video.run)):
                 return
-
-
-async def _listen(socket: WebSocket, video: LiveVideo, seen_first: tuple[dict[int, int], int], wake: asyncio.Event) -> None:
-    """Take what a viewer asks for, until it leaves. Args: seen_first: as of `_send`; what it has of the radars it asks for first."""
-    seen, first = seen_first
-    while True:
-        try:
-            radars = [video.names.index(name) for name in Wish.model_validate_json(await socket.receive_text()).radars]
-        except (ValidationError, ValueError, KeyError):
-            await socket.close(BAD_MESSAGE, f'needed {{"radars": ["..."]}} with names of radars, as in {PROTOCOL}')
-            return
-        kept = {radar: seen.get(radar, first) for radar in radars}
-        seen.clear()
-        seen.update(kept)
-        first = 0
-        wake.set()
 
 
 @router.get("/video/{radar}.png", response_class=Response, responses={200: {"content": {"image/png": {}}}})
