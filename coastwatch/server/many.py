@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import itertools
 import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from contextlib import contextmanager
 from multiprocessing import get_context
 from typing import TypeVar
+
+from coastwatch.server.signals import handled_by
 
 One = TypeVar("One")
 Made = TypeVar("Made")
@@ -21,7 +21,7 @@ def over_processes(work: Callable[[One], Made], pieces: Sequence[One], count: in
     Args: work: a module-level function; count: number of processes, 1: this one. Ctrl-C and SIGTERM stop it.
     Raises: KeyboardInterrupt; the errors of the work, after which no further piece is started.
     """
-    with _terminated_as_interrupted():
+    with handled_by(signal.default_int_handler, [signal.SIGTERM]):  # as Ctrl-C, so that no process remains
         if count == 1 or len(pieces) < 2:
             for piece in pieces:
                 yield piece, work(piece)
@@ -42,16 +42,3 @@ def over_processes(work: Callable[[One], Made], pieces: Sequence[One], count: in
                         running[pool.submit(work, following)] = following
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM stops the work as Ctrl-C does, so that no process remains."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -23,6 +22,7 @@ from coastwatch.scores import add, result, start
 from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import CheckpointSchedule, Point
 from coastwatch.server.input import AtOnce, Input
+from coastwatch.server.signals import handled_by
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.video_health import PlotsOfVideo
 from coastwatch.server.warm_up import warm_up
@@ -382,20 +382,11 @@ class _Run:
 @contextmanager
 def _interrupt_as_flag(event: threading.Event) -> Iterator[None]:
     """Ctrl-C or SIGTERM set this event, so that a cycle is completed. A second signal raises KeyboardInterrupt."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    usual = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
 
-    def note(number: int, frame: object) -> None:
+    def note(*_: object) -> None:
         if event.is_set():
             raise KeyboardInterrupt
         event.set()
 
-    for s in usual:
-        signal.signal(s, note)
-    try:
+    with handled_by(note):
         yield
-    finally:
-        for s, handler in usual.items():
-            signal.signal(s, handler)

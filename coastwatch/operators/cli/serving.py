@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import errno
 import os
-import signal
 import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -47,6 +46,7 @@ from coastwatch.server.live_video import LiveVideo
 from coastwatch.server.regions.client import RegionAddress, check_files, parsed_region
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.regions.scenario import of_centre, with_track_sources
+from coastwatch.server.signals import handled_by
 from coastwatch.server.troubles import Trouble
 from coastwatch.spelling import printable
 from coastwatch.store import QueryLimit, Store, open_store, refuse_second_writer
@@ -129,9 +129,11 @@ def serve_deployment(options: Deployment) -> int:
     _webhooks(options)
     logs.begin(options.log_format)
     with (
-        _signals_end_the_server(),
-        bound(options.host, options.port) as listener,
-    ):  # a used port is refused before anything starts
+        handled_by(
+            lambda *_: None
+        ),  # the server ends in order, and so the run: it raises them again when its sockets are closed
+        bound(options.host, options.port) as listener,  # a used port is refused before anything starts
+    ):
         if options.scenario is None:
             with (
                 presentation.opened(options.db) as opened,
@@ -258,27 +260,12 @@ def feed(options: argparse.Namespace) -> int:
     def say(text: str) -> None:
         print(f"coastwatch: {printable(text)}", file=sys.stderr, flush=True)
 
-    usual = {s: signal.signal(s, end) for s in (signal.SIGINT, signal.SIGTERM)}
-    try:
+    with handled_by(end):
         sent = send(batches, addresses, options.speed, stop, now=now, began=began, say=say)
-    finally:
-        for s, handler in usual.items():
-            signal.signal(s, handler)
     for address in addresses:
         unit = "datagrams" if FORMATS[address.format].in_datagrams else "lines"
         print(f"sent {sent[address.text]} {unit} to {address.text}")
     return 0
-
-
-@contextmanager
-def _signals_end_the_server() -> Iterator[None]:
-    """Ctrl-C and SIGTERM end the server in order, and so the run: the server raises them again when it has closed its sockets."""
-    usual = {s: signal.signal(s, lambda *_: None) for s in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for s, handler in usual.items():
-            signal.signal(s, handler)
 
 
 def _guard(options: Deployment) -> Guard:
