@@ -62,7 +62,7 @@ def test_the_mixture_is_that_of_whole_updates(seed):
     before = tuple(a.copy() for a in filters)
     share = np.random.default_rng([seed, 73]).dirichlet(np.ones(4), 2)[:, :3]
     share = np.concatenate([share[0, :2], share[1]])
-    predict_to_plots(filters, estimates, pairs, columns, np.inf, MODELS)
+    predict_to_plots(filters, estimates, pairs, columns, np.zeros(len(pairs.slot)), np.inf, MODELS)
     update_by_shares(filters, estimates, pairs, share, 0.0, MODELS)
     for t, n in enumerate((0, 2)):
         mine = slice(pairs.start[t], pairs.start[t + 1])
@@ -80,7 +80,7 @@ def test_the_mixture_is_that_of_whole_updates(seed):
 def test_all_plots_improbable_leaves_the_prediction():
     filters, estimates = filters_of(1, 4)
     columns, pairs = plots_of(2, 4, TIME + 2.0), hypotheses_of([0], [0, 2], [0, 1])
-    predict_to_plots(filters, estimates, pairs, columns, np.inf, MODELS)
+    predict_to_plots(filters, estimates, pairs, columns, np.zeros(len(pairs.slot)), np.inf, MODELS)
     predicted = tuple(a.copy() for a in filters)
     update_by_shares(filters, estimates, pairs, np.zeros(2), 1e-6, MODELS)
     assert estimates.time[0] == TIME + 2.0
@@ -91,7 +91,7 @@ def test_all_plots_improbable_leaves_the_prediction():
 def test_an_older_plot_is_brought_forward_by_the_velocity():
     filters, estimates = filters_of(1, 5)
     columns, pairs = plots_of(1, 5, TIME - 2.0), hypotheses_of([0], [0, 1], [0])
-    predict_to_plots(filters, estimates, pairs, columns, np.inf, MODELS)
+    predict_to_plots(filters, estimates, pairs, columns, np.zeros(len(pairs.slot)), np.inf, MODELS)
     assert estimates.time[0] == TIME
     np.testing.assert_allclose(pairs.position[0], columns.position[0] + 2.0 * estimates.mean[0, 2:])
     np.testing.assert_allclose(pairs.noise[0], columns.covariance[0] + 4.0 * estimates.covariance[0, 2:, 2:])

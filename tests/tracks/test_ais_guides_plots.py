@@ -20,10 +20,10 @@ SIGMA_M = 3.0
 CYCLES = 24
 
 
-def messages_of(truth, vessels, every_s=6.0):
+def messages_of(truth, vessels, every_s=6.0, cycles=CYCLES):
     """Messages of these vessels, MMSI 1000 + vessel, sorted by time."""
     rng = np.random.default_rng(5)
-    time = np.concatenate([np.arange(rng.uniform(0.0, every_s), PERIOD_S * CYCLES, every_s) for _ in vessels])
+    time = np.concatenate([np.arange(rng.uniform(0.0, every_s), PERIOD_S * cycles, every_s) for _ in vessels])
     vessel = np.repeat(vessels, len(time) // len(vessels))
     time = time[: len(vessel)]
     order = np.argsort(time, kind="stable")
@@ -95,6 +95,24 @@ def test_an_ais_that_drifts_away_draws_no_track_and_is_left():
     assert max(worst) < 80.0  # the AIS is 240 m off at the end
     assert sum(len(tracks) > 2 for tracks in out) < 6  # until it is left, its plots may make a second track
     assert out[-1].held_mmsi[out[-1].origin == 1] == [1001]
+
+
+@pytest.mark.parametrize("seed", [35, 37])
+def test_a_radar_with_a_bias_of_three_sigmas_makes_few_second_tracks(seed):
+    """Ranges that are 30 m too long, of a radar that states 10 m: its plots lie beside the AIS of their vessels for good."""
+    truth = world(20, seed, kick_m_s=0.0, side_nm=6.0)
+    every = plots_of(truth, two_radars(), PERIOD_S * 2 * CYCLES, seed, detection=0.9)
+    plots = every.take(every.sensor == 0)
+    off_m = plots.position_m - plots.site_m
+    too_far = replace(plots, position_m=plots.position_m + 30.0 * off_m / np.hypot(*off_m.T)[:, None])
+    messages = messages_of(truth, np.arange(20), cycles=2 * CYCLES)
+    second = []
+    for registration in (GUIDED.messages.registration, 0.0):
+        method = TableTracker(method="guided_vimmjipda", messages={"method": "guiding", "registration": registration})
+        _, out = run(method, too_far, messages, cycles=range(2 * CYCLES))
+        second.append(sum(len(tracks) - len(np.unique(tracks.origin)) for tracks in out))
+    assert second[1] > 80  # of some 370 shown in all cycles
+    assert second[0] < 0.35 * second[1]
 
 
 def test_a_vessel_that_no_radar_sees_is_not_reported():

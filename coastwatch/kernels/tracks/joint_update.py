@@ -40,12 +40,13 @@ class Hypotheses(NamedTuple):
 
 
 @jit
-def predict_to_plots(filters, estimates, hypotheses, columns, renewal, models):  # type: ignore[no-untyped-def]
+def predict_to_plots(filters, estimates, hypotheses, columns, added, renewal, models):  # type: ignore[no-untyped-def]
     """Predict each track to the newest of its plots, and fill in the plots and their likelihoods. In place.
 
     A plot that is older than its track is brought forward by the velocity and is as much less certain.
     Args: filters: state (S, J, 5), covariance (S, J, 5, 5), mode probability (S, J); estimates: `Estimates` of them; columns:
-    PlotColumns; renewal: as of `imm.predict_filters`; models: (J,) MODEL.
+    PlotColumns; added: (T,) share of the covariance of a plot that is added to it; renewal: as of `imm.predict_filters`; models: (J,)
+    MODEL.
     """
     state, covariance, mode = filters
     work = imm.workspace(len(models))
@@ -65,6 +66,7 @@ def predict_to_plots(filters, estimates, hypotheses, columns, renewal, models): 
             z, noise = hypotheses.position[a], hypotheses.noise[a]
             copy_into(z, columns.position[m])
             copy_into(noise, columns.covariance[m])
+            noise *= 1.0 + added[t]
             if columns.time[m] < time:
                 imm.bring_forward(z, noise, time - columns.time[m], estimates.mean[n], estimates.covariance[n])
             for j in range(len(models)):

@@ -65,8 +65,11 @@ class SingleUpdates(Protocol):
 class JointUpdates(Protocol):
     """What a bank needs where a track weighs all plots in its gate."""
 
-    def predict_to_plots(self, table: Table, pairs: Candidates, batch: PlotColumns) -> Hypotheses:
-        """Predict each track to the newest of its plots, in place. Returns: the pairs by track, with their likelihoods by model."""
+    def predict_to_plots(self, table: Table, pairs: Candidates, batch: PlotColumns, added: Floats | None = None) -> Hypotheses:
+        """Predict each track to the newest of its plots, in place. Returns: the pairs by track, with their likelihoods by model.
+
+        Args: added: (S,) share of the covariance of a plot that is added to it, for each slot; none: nothing is.
+        """
         ...
 
     def likelihood(self, table: Table, pairs: Hypotheses) -> Floats:
@@ -89,6 +92,7 @@ class Parts:
     upkeep: TrackManagement | ExistenceManagement
     clutter: ClutterSettings
     sensors: Sensors
+    registration: float = 0.0  # share of a plot's covariance that is added for a track that AIS messages guide
 
     @property
     def single(self) -> SingleUpdates:
@@ -155,13 +159,28 @@ def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: Plot
     return replace(memory, table=table, next_id=memory.next_id + len(plots), plots_alone=alone)
 
 
-def gated(parts: Parts, table: Table, batch: PlotColumns, widened: float = 1.0) -> Candidates:
-    """The plots or messages in the gates of the tracks.
+def gated(parts: Parts, table: Table, batch: PlotColumns, widened: float = 1.0, slots: Ints | None = None) -> Candidates:
+    """The plots or messages in the gates of the tracks in these slots; of all without any.
 
     A gate is as wide as by the liveliest model: the average of the models would lose vessels that manoeuvre while they are missed.
     """
     rules, estimates = parts.existence, table.estimates
-    limit = widened * gate(rules.gate_probability, 2)
+    limit, rows = widened * gate(rules.gate_probability, 2), table.live if slots is None else slots
     lively = estimates._replace(noise=np.full(len(estimates.noise), parts.bank.models["noise"].max()))
-    pairs: Candidates = kernels.tracks.gate.candidates(lively, table.live, batch, limit, rules.late_s)
+    pairs: Candidates = kernels.tracks.gate.candidates(lively, rows, batch, limit, rules.late_s)
     return pairs
+
+
+def gated_by_plots(parts: Parts, table: Table, batch: PlotColumns) -> tuple[Candidates, Floats]:
+    """The plots in the gates of the tracks, and the share of a plot's covariance that is added for each slot. (S,)
+
+    AIS knows where a vessel is, and a radar whose registration is not known yet sees it elsewhere by as much as its noise. Its plots
+    would begin a second track of the vessel.
+    """
+    added = np.where(np.isfinite(table.message_s), parts.registration, 0.0)
+    guided = added[table.live] > 0.0
+    if not guided.any():
+        return gated(parts, table, batch), added
+    wider = batch._replace(covariance=(1.0 + parts.registration) * batch.covariance)
+    both = gated(parts, table, batch, slots=table.live[~guided]), gated(parts, table, wider, slots=table.live[guided])
+    return Candidates(*(np.concatenate(columns) for columns in zip(*both, strict=True))), added

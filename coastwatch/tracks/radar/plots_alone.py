@@ -83,11 +83,14 @@ def update(
     bank().initialise(alone.filters, alone.estimates, of[first], pairs.plot[first], batch)
 
 
-def contradicted(alone: PlotFilters, table: Table, of: FilterBank, slots: Ints, time_s: float, limit: float) -> Ints:
+def contradicted(
+    alone: PlotFilters, table: Table, of: FilterBank, slots: Ints, bias: Floats, time_s: float, limit: float
+) -> Ints:
     """Which of these tracks have a filter of plots alone that contradicts their messages. Returns: rows of slots.
 
     The filter with messages is efficient, so the difference of the two has the difference of their covariances. Filters that are not
-    finite contradict nothing. Args: limit: normalised squared distance of the positions.
+    finite contradict nothing. Args: bias: (N, 2, 2) covariance of what all plots of a track may share; limit: normalised squared distance
+    of the positions.
     Source: J. A. Hausman, Specification tests in econometrics, Econometrica 46(6), 1978.
     """
     rows = np.flatnonzero(alone.has_filter(slots) & np.isfinite(table.message_s[slots]))
@@ -95,8 +98,9 @@ def contradicted(alone: PlotFilters, table: Table, of: FilterBank, slots: Ints, 
     joint = of.predict(table.filters, table.estimates, slots[rows], time_s)
     sound = np.isfinite(apart.mean + joint.mean).all(axis=1) & np.isfinite(apart.covariance + joint.covariance).all(axis=(1, 2))
     rows = rows[sound]
+    bias = bias[rows]
     apart, joint = (Estimates(*(column[sound] for column in one)) for one in (apart, joint))
-    own = apart.covariance[:, :2, :2]
+    own = apart.covariance[:, :2, :2] + bias
     variance, axes = np.linalg.eigh(own - joint.covariance[:, :2, :2])
     along = np.einsum("nij,ni->nj", axes, apart.mean[:, :2] - joint.mean[:, :2])
     least = LEAST_GAIN * np.trace(own, axis1=1, axis2=2)[:, None] / 2.0

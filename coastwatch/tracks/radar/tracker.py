@@ -102,5 +102,6 @@ class TableTracker(RadarMethod):
 
         Raises: ValueError where the memory is of a scenario with other radars.
         """
-        parts = Parts(self.bank.of(self.motion), self.upkeep, self.clutter, given.sensors)
+        registration = self.messages.registration if isinstance(self.messages, Guiding) else 0.0
+        parts = Parts(self.bank.of(self.motion), self.upkeep, self.clutter, given.sensors, registration)
         return update_region(self.association, self.messages, parts, memory, given)

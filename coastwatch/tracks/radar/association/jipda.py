@@ -18,7 +18,7 @@ from coastwatch.kernels.tracks.existence import EXISTS, LATELY, SURELY
 from coastwatch.stage import Settings
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.life.existence import merge_duplicates
-from coastwatch.tracks.radar.parts import LIKELY, Parts, begin_tracks, gated, learn_turn
+from coastwatch.tracks.radar.parts import LIKELY, Parts, begin_tracks, gated_by_plots, learn_turn
 from coastwatch.tracks.radar.table import RadarMemory
 
 Free = Callable[[Ints, Floats, int], Floats]
@@ -69,11 +69,11 @@ def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float,
     detection = float(columns.probability[radar])
     false_per_m2 = memory.false_plots_per_m2(clutter, batch, float(every_density[radar]))
     unborn_per_m2 = rules.new_per_m2(columns.probability)[radar]
-    pairs = gated(parts, table, batch)
+    pairs, added = gated_by_plots(parts, table, batch)
     due = (
         batch.time[pairs.plot] - table.radar_s[pairs.track, radar] > 0.5 * period_s
     )  # it took no plot of this radar in this look
-    hypotheses = parts.joint.predict_to_plots(table, Candidates(*(column[due] for column in pairs)), batch)
+    hypotheses = parts.joint.predict_to_plots(table, Candidates(*(column[due] for column in pairs)), batch, added)
     slot, plot, of = hypotheses.slot, hypotheses.plot, hypotheses.track
     kernels.tracks.existence.predict_existence(
         table.existing, slot, table.updated_s[slot], radar, period_s, columns, rules.chain

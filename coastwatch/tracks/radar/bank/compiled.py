@@ -50,10 +50,11 @@ class CompiledBank:
         predicted: Estimates = predict(tuple(filters), estimates, rows, float(time_s), renewal_s, self.models)
         return predicted
 
-    def predict_to_plots(self, table: Table, pairs: Candidates, batch: PlotColumns) -> Hypotheses:
+    def predict_to_plots(self, table: Table, pairs: Candidates, batch: PlotColumns, added: Floats | None = None) -> Hypotheses:
         hypotheses = by_track(pairs, len(self.models))
         predict, renewal_s = kernels.tracks.joint_update.predict_to_plots, self.prior.renewal_s
-        predict(tuple(table.filters), table.estimates, hypotheses, batch, renewal_s, self.models)
+        share = np.zeros(len(hypotheses.slot)) if added is None else added[hypotheses.slot]
+        predict(tuple(table.filters), table.estimates, hypotheses, batch, share, renewal_s, self.models)
         return hypotheses
 
     def likelihood(self, table: Table, pairs: Hypotheses) -> Floats:

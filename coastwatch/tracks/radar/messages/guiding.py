@@ -6,8 +6,8 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from coastwatch.batches import Messages
-from coastwatch.stage import Positive
+from coastwatch.batches import Floats, Ints, Messages
+from coastwatch.stage import NotNegative, Positive
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.life.existence import KNOWN
 from coastwatch.tracks.radar.messages.sequential import Sequential
@@ -26,6 +26,7 @@ class Guiding(Sequential):
 
     guides: ClassVar[bool] = True
     method: Literal["guiding"] = "guiding"  # type: ignore[assignment]
+    registration: NotNegative = 0.5  # share of a plot's covariance by which a radar may see a vessel beside its AIS: its bias
     doubt: Positive = 25.0  # normalised squared distance of the two filters at which a track leaves its messages
     elsewhere_s: Positive = 10.0  # a track also leaves them where another track has had newer ones of that MMSI for so long
     distrust_s: Positive = 120.0  # so long no track takes messages of an MMSI that a track has left
@@ -49,7 +50,8 @@ class Guiding(Sequential):
         np.maximum.at(newest_s, of, table.message_s[slots])
         gone = table.message_s[slots] < newest_s[of] - self.elsewhere_s
         fresh = np.flatnonzero(table.message_s[slots] >= since_s)
-        gone[fresh[plots_alone.contradicted(alone, table, parts.bank, slots[fresh], time_s, self.doubt)]] = True
+        bias = self.registration * _plot_covariance(parts, memory, slots[fresh])
+        gone[fresh[plots_alone.contradicted(alone, table, parts.bank, slots[fresh], bias, time_s, self.doubt)]] = True
         gone = np.isin(mmsi, mmsi[gone])
         left = slots[gone]
         if not len(left):
@@ -61,3 +63,18 @@ class Guiding(Sequential):
         alone.updated_s[left] = table.message_s[left] = -np.inf
         table.ids[left], table.id_probability[left] = -1, 0.0
         begin_unnamed(self, table, left)
+
+
+def _plot_covariance(parts: Parts, memory: RadarMemory, slots: Ints) -> Floats:
+    """The covariance of a plot at these tracks, of the radar with the newest one. (N, 2, 2)"""
+    table, radars = memory.table, parts.sensors.radars
+    if not len(radars):
+        return np.zeros((len(slots), 2, 2))
+    radar = table.radar_s[slots].argmax(axis=1)
+    off_m = np.nan_to_num(table.combined_mean[slots, :2] - memory.site_m[radar])
+    range_m = np.hypot(off_m[:, 0], off_m[:, 1])
+    along = off_m / np.maximum(range_m, 1.0)[:, None]
+    outer = along[:, :, None] * along[:, None, :]
+    across2 = (range_m * radars.azimuth_sigma_rad[radar]) ** 2
+    out: Floats = across2[:, None, None] * (np.eye(2) - outer) + radars.range_sigma_m[radar][:, None, None] ** 2 * outer
+    return out
