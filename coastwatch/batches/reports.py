@@ -117,10 +117,10 @@ class HeadingReports(Batch):
 class Reports:
     """All that arrived in one cycle."""
 
-    radar: RadarReports
-    ais: AisReports
-    statics: AisStatics
-    bearing: BearingReports
+    radar: RadarReports = field(default_factory=RadarReports.empty)
+    ais: AisReports = field(default_factory=AisReports.empty)
+    statics: AisStatics = field(default_factory=AisStatics.empty)
+    bearing: BearingReports = field(default_factory=BearingReports.empty)
     tracks: TrackReports = field(default_factory=TrackReports.empty)
     headings: HeadingReports = field(default_factory=HeadingReports.empty)
     video: Videos = Videos()
@@ -140,7 +140,7 @@ class Reports:
     @classmethod
     def empty(cls) -> Reports:
         """No report."""
-        return cls(RadarReports.empty(), AisReports.empty(), AisStatics.empty(), BearingReports.empty())
+        return cls()
 
     @classmethod
     def merged(cls, parts: Sequence[Reports]) -> Reports:

@@ -1,4 +1,4 @@
-"""Merges reports of several files and kinds into a Recording, in order of arrival."""
+"""Reports of several files and kinds as one, in order of arrival."""
 
 from __future__ import annotations
 
@@ -16,11 +16,9 @@ from coastwatch.batches import (
     FileContent,
     Floats,
     RadarReports,
-    Recording,
     Reports,
     ReportStream,
     TrackReports,
-    Trajectories,
 )
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.ais_validation import LATITUDE
@@ -117,29 +115,3 @@ class MergedStream:
     def contents(self) -> tuple[FileContent, ...]:
         """As `ReportStream.contents`."""
         return tuple(content for stream in self._streams for content in stream.contents())
-
-
-def recording(
-    radar: RadarReports | None = None,
-    ais: AisReports | None = None,
-    statics: AisStatics | None = None,
-    bearing: BearingReports | None = None,
-    tracks: TrackReports | None = None,
-    truth: Trajectories | None = None,
-    faults: tuple[Fault, ...] = (),
-    silenced: tuple[int, ...] = (),
-) -> Recording:
-    """A recording of these parts."""
-    reports = Reports(
-        RadarReports.empty() if radar is None else radar,
-        AisReports.empty() if ais is None else ais,
-        AisStatics.empty() if statics is None else statics,
-        BearingReports.empty() if bearing is None else bearing,
-        TrackReports.empty() if tracks is None else tracks,
-    )
-    return Recording(reports, truth, faults, silenced)
-
-
-def ais_recording(reports: AisReports, statics: AisStatics, faults: tuple[Fault, ...]) -> Recording:
-    """A recording of AIS alone."""
-    return recording(ais=reports, statics=statics, faults=faults)

@@ -12,7 +12,6 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import AisReports, Bools, Floats, RadarReports, Recording, Reports, Sensors, Trajectories
-from coastwatch.batches.reports import AisStatics, BearingReports
 from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, from_plane
 from coastwatch.sensors.simulated.radar import require_usable_radars
@@ -83,7 +82,7 @@ class Crossing(Method):
             acceleration_m_s2=np.full((self.count, 2), np.nan),
         )
         radar = self._plots(sensors, seed, state, plan)
-        reports = Reports(radar, self._messages(seed, state, first_s, site_deg), AisStatics.empty(), BearingReports.empty())
+        reports = Reports(radar, self._messages(seed, state, first_s, site_deg))
         return Recording(reports=reports, truth=truth)
 
     def span(self) -> tuple[float, float]:

@@ -13,7 +13,6 @@ from pydantic import Field
 
 from coastwatch.batches import AisReports, Bools, Floats, Ints, RadarReports, Recording, Reports, Sensors, Trajectories
 from coastwatch.batches.ais_codes import PositionAccuracy
-from coastwatch.batches.reports import AisStatics, BearingReports
 from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, from_plane
 from coastwatch.sensors.simulated.ais import itu_interval_s
@@ -103,7 +102,7 @@ class StartStates(Method):
         )
         radar = self._plots(path, seed, first_s, site_deg, reach_m)
         ais = self._messages(path, seed, first_s, site_deg, reach_m)
-        return Recording(reports=Reports(radar, ais, AisStatics.empty(), BearingReports.empty()), truth=truth)
+        return Recording(reports=Reports(radar, ais), truth=truth)
 
     def span(self) -> tuple[float, float]:
         """Never returns: a simulation has no start of its own. Raises: InputError."""

@@ -88,10 +88,10 @@ class SimulatedVideo(Method):
 
     def _of_ais(self, sensors: Sensors, vessels: PiecewiseMotion, seed: int, span_s: tuple[float, float]) -> Reports:
         """The AIS of a run. Positions are those of antennas."""
-        ships, empty = self.ships, Reports.empty()
+        ships = self.ships
         senders = transponders(self.ais, len(ships), seed)
         if not len(senders.row):
-            return empty
+            return Reports()
         before_m = np.array([ship.antenna_m for ship in ships])
         length_m, width_m = np.array([[ship.length_m, ship.width_m] for ship in ships]).T
 
@@ -105,8 +105,7 @@ class SimulatedVideo(Method):
         heading = np.degrees(_headings(ships, ais.origin, vessels.state(ais.origin, ais.time_s)[1])) % 360.0
         statics = transmit_static_data(self.ais, senders, ais.mmsi, *span_s, seed)
         ship = senders.row[row_of(senders.mmsi, statics.mmsi)]
-        return replace(
-            empty,
+        return Reports(
             ais=replace(ais, heading_deg=heading),
             statics=replace(
                 statics,
@@ -195,7 +194,7 @@ class VideoStream:
             end = int((min(until_s, stop_s) - start_s) // period_s) + 1
             turns = (self._turn(_Turn(radar, number)) for number in range(first, end))
             parts.append(Videos(tuple(turns)).between(after_s, min(until_s, stop_s)))
-        return Reports.merged([self._others.between(after_s, until_s), *(_of_video(part) for part in parts)])
+        return Reports.merged([self._others.between(after_s, until_s), *(Reports(video=part) for part in parts)])
 
     def rest(self, after_s: float) -> int:
         """As `ReportStream.rest`: a simulation ends with its run."""
@@ -259,10 +258,6 @@ def _headings(ships: tuple[Ship, ...], row: Ints, velocity_m_s: Floats) -> Float
     """The headings of ships, rad: their course, or as set at anchor. (M,) Args: row: (M,) of `ships`; velocity_m_s: (M, 2)."""
     at_anchor = np.radians([ship.course_deg for ship in ships])[row]
     return np.where(np.hypot(*velocity_m_s.T) > 0.0, np.arctan2(velocity_m_s[:, 0], velocity_m_s[:, 1]), at_anchor)
-
-
-def _of_video(videos: Videos) -> Reports:
-    return replace(Reports.empty(), video=videos)
 
 
 def _disc(s: SimulatedVideo, sensors: Sensors, radar: int) -> Disc:

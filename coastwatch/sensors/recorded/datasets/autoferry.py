@@ -6,7 +6,6 @@ import gzip
 import json
 import math
 import zlib
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -23,6 +22,7 @@ from coastwatch.batches import (
     Ints,
     RadarReports,
     Recording,
+    Reports,
     Sensors,
     Trajectories,
 )
@@ -30,7 +30,7 @@ from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import from_plane
 from coastwatch.sensors.recorded.files import Fingerprint, data_folder, fingerprint
-from coastwatch.sensors.recorded.merging import recording, span_of
+from coastwatch.sensors.recorded.merging import span_of
 from coastwatch.stage import Count, Method, Plan
 
 PIREN_DEG = np.array([63.4389029083, 10.39908278])
@@ -70,10 +70,10 @@ class Autoferry(Method):
         frames, truth, faults = self._recorded()
         tally = Tally()
         radar, bearing = _radar_reports(frames, self, sensors, tally), _bearing_reports(frames, self, sensors, tally)
-        instants = plan.start_s + plan.period_s * np.arange(plan.cycles + 1, dtype=np.float64)
+        instants: Floats = plan.start_s + plan.period_s * np.arange(plan.cycles + 1, dtype=np.float64)
         faults += tally.faults()
-        loaded = recording(radar=radar, bearing=bearing, truth=_trajectories(truth, np.asarray(instants)), faults=faults)
-        return replace(loaded, contents=(_content(frames, self, len(radar) + len(bearing)),))
+        contents = (_content(frames, self, len(radar) + len(bearing)),)
+        return Recording(Reports(radar=radar, bearing=bearing), _trajectories(truth, instants), faults, contents=contents)
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last arrival."""

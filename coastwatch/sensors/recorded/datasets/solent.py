@@ -13,14 +13,26 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import AisReports, Bools, Fault, FileContent, Floats, Ints, Radars, Recording, Sensors, Trajectories
+from coastwatch.batches import (
+    AisReports,
+    Bools,
+    Fault,
+    FileContent,
+    Floats,
+    Ints,
+    Radars,
+    Recording,
+    Reports,
+    Sensors,
+    Trajectories,
+)
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.ais_validation import utc
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane, turn
 from coastwatch.sensors.recorded.datasets.smoothing import between, smooth
 from coastwatch.sensors.recorded.files import Fingerprint, data_folder, fingerprint
-from coastwatch.sensors.recorded.merging import recording, span_of
+from coastwatch.sensors.recorded.merging import span_of
 from coastwatch.sensors.recorded.tables.ais import AisTable
 from coastwatch.sensors.simulated.radar import RadarTruth, interpolated, observe
 from coastwatch.sensors.simulated.simulation import truths_of
@@ -75,10 +87,10 @@ class Solent(Method):
         dark = np.isin(ais.origin, silenced) & (ais.received_s > plan.start_s + self.silence_from_s)
         truths = truths_of("radars", sensors.radars.name, self.radar, self.radars)
         radar = observe(sensors.radars, truths, interpolated(truth), truth.vessel, plan.start_s, stop_s, seed)
-        loaded = recording(radar=radar, ais=ais.take(~dark), truth=truth, faults=faults, silenced=tuple(silenced.tolist()))
         beside = *fixes.content.beside, (SILENCED, int(dark.sum()))
-        content = replace(fixes.content, records=len(loaded.whole().ais), beside=beside)
-        return replace(loaded, contents=(content,))
+        content = replace(fixes.content, records=int((~dark).sum()), beside=beside)
+        reports = Reports(radar, ais.take(~dark))
+        return Recording(reports, truth, faults, tuple(silenced.tolist()), contents=(content,))
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last report."""

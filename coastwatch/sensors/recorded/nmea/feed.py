@@ -8,7 +8,6 @@ import sys
 import zlib
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
@@ -253,7 +252,8 @@ class NmeaStream:
 
     def between(self, after_s: float, until_s: float) -> Reports:
         """The reports with after_s < received_s <= until_s. Older ones are dropped; those after wait for the next call."""
-        return Reports.merged([_reports(*file.between(after_s, until_s)) for file in self._files])
+        parts = (file.between(after_s, until_s) for file in self._files)
+        return Reports.merged([Reports(ais=reports, statics=statics) for reports, statics in parts])
 
     def rest(self, after_s: float) -> int:
         """As `ReportStream.rest`."""
@@ -266,10 +266,6 @@ class NmeaStream:
     def contents(self) -> tuple[FileContent, ...]:
         """What was taken from each file so far."""
         return tuple(file.content() for file in self._files)
-
-
-def _reports(ais: AisReports, statics: AisStatics) -> Reports:
-    return replace(Reports.empty(), ais=ais, statics=statics)
 
 
 class Ends(NamedTuple):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,12 +9,12 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Ints, Recording, Sensors
+from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Ints, Recording, Reports, Sensors
 from coastwatch.formats.intake.ais_validation import Acceptance, AisIntake, AisRows, StaticRows
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.recorded.files import Fingerprint, fingerprint
-from coastwatch.sensors.recorded.merging import ais_recording, by_arrival, span_of
+from coastwatch.sensors.recorded.merging import by_arrival, span_of
 from coastwatch.sensors.recorded.tables.ais_cells import accuracies, classes, covariances, nav_statuses
 from coastwatch.sensors.recorded.tables.reader import Separator, Table, read_table
 from coastwatch.sensors.recorded.tables.rows import content_of, find_columns, good_cells, need_columns
@@ -69,8 +68,9 @@ class AisTable(Method):
 
         Raises: FileNotFoundError, InputError that names the file.
         """
-        loaded = ais_recording(*self.read())
-        return replace(loaded, contents=self.contents(), feeds=tuple(path.name for path in self.files))
+        reports, statics, faults = self.read()
+        feeds = tuple(path.name for path in self.files)
+        return Recording(Reports(ais=reports, statics=statics), faults=faults, contents=self.contents(), feeds=feeds)
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Literal, Self
 
@@ -21,6 +20,7 @@ from coastwatch.batches import (
     RadarReports,
     Radars,
     Recording,
+    Reports,
     ReportStream,
     Sensors,
     Sonars,
@@ -35,7 +35,7 @@ from coastwatch.formats.registry import FORMATS
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
 from coastwatch.sensors.files import WireFile, WireStream, wire_file
 from coastwatch.sensors.recorded.files import fingerprint
-from coastwatch.sensors.recorded.merging import FileTimes, MergedStream, by_arrival, check_gaps, recording, span_of
+from coastwatch.sensors.recorded.merging import FileTimes, MergedStream, by_arrival, check_gaps, span_of
 from coastwatch.sensors.recorded.nmea.feed import Nmea, first_and_last
 from coastwatch.sensors.recorded.nmea.targets import target_reports, target_times
 from coastwatch.sensors.recorded.tables.ais import AisColumns, AisTable
@@ -155,12 +155,12 @@ class Tables(Method):
             ais, statics, of_tables = self._ais_table().read()
             faults = of_tables + faults
         contents = (self._ais_table().contents() if self.ais else ()) + tally.contents()
-        loaded = replace(recording(radar, ais, statics, bearing, tracks, faults=faults), contents=contents)
+        reports = Reports(radar, ais, statics, bearing, tracks)
         numbered = [file.path for file in self._wire_files() if FORMATS[file.format].numbered]
-        loaded = replace(loaded, feeds=tuple(path.name for path in (*self.ais, *self.nmea, *numbered)))
+        feeds = tuple(path.name for path in (*self.ais, *self.nmea, *numbered))
         streams: list[ReportStream] = [self._nmea().stream(len(self.ais))] if self.nmea else []
         streams += [self._video_stream(sensors)] if self.names_sensors() else []
-        return replace(loaded, reports=MergedStream(loaded.whole(), streams)) if streams else loaded
+        return Recording(MergedStream(reports, streams) if streams else reports, faults=faults, contents=contents, feeds=feeds)
 
     def span(
         self, sensors: Sensors | None = None, *, after_s: float = -math.inf, to_the_end: bool = False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Literal, Self
 
 import numpy as np
@@ -78,7 +77,7 @@ class VideoFileStream:
     def between(self, after_s: float, until_s: float) -> Reports:
         """As `ReportStream.between`."""
         turns = Videos(tuple(turn for one in self._others for turn in one.between(after_s, until_s)))
-        return Reports.merged([self._files.between(after_s, until_s), replace(Reports.empty(), video=turns)])
+        return Reports.merged([self._files.between(after_s, until_s), Reports(video=turns)])
 
     def rest(self, after_s: float) -> int:
         """As `ReportStream.rest`."""
