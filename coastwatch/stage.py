@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Ints, Struct
+from coastwatch.batches import Array, Floats, Ints, Struct
 from coastwatch.batches.struct import column
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -189,3 +189,8 @@ class Plan(Settings):
     def instant_s(self, cycle: int) -> float:
         """The time at which this cycle ends. Every caller gets the same bits."""
         return self.start_s + self.period_s * (cycle + 1)
+
+    @property
+    def instants_s(self) -> Floats:
+        """The start of the run and the end of each cycle. (cycles + 1,)"""
+        return np.asarray(self.start_s + self.period_s * np.arange(self.cycles + 1, dtype=np.float64))

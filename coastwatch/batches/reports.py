@@ -24,7 +24,7 @@ class RadarReports(Batch):
     range_m: Floats = column(np.float64, "M")
     azimuth_deg: Floats = column(np.float64, "M")  # 0..360; true, but before `plots.azimuths` as the radar counts it
     site_deg: Floats = column(np.float64, "M", 2)  # where the antenna was
-    origin: Ints = column(np.int64, "M")
+    origin: Ints = optional_column("M", dtype=np.int64)
     range_sigma_m: Floats = optional_column("M")  # standard deviation of this plot; NaN: that of the radar
     azimuth_sigma_deg: Floats = optional_column("M")  # the same
     # Second moments of the ship about its middle, m2: along the beam, along and across, across (clockwise positive), less those of
@@ -44,7 +44,7 @@ class AisReports(Batch):
     sog_kn: Floats = column(np.float64, "M")  # NaN: not available
     cog_deg: Floats = column(np.float64, "M")  # NaN: not available
     class_b: Bools = column(np.bool_, "M")
-    origin: Ints = column(np.int64, "M")
+    origin: Ints = optional_column("M", dtype=np.int64)
     nav_status: Ints = optional_column("M", dtype=np.int64)  # NavStatus; -1: not sent
     accuracy: Ints = optional_column("M", dtype=np.int64)  # PositionAccuracy; -1: not stated
     covariance: Floats = optional_column("M", 2, 2)  # of this position, m2 east and north; NaN: by its accuracy
@@ -80,8 +80,8 @@ class BearingReports(Batch):
     bearing_deg: Floats = column(np.float64, "M")  # true, 0..360
     contact: Ints = column(np.int64, "M")  # the sensor's own track number; -1 where it gives none
     site_deg: Floats = column(np.float64, "M", 2)
-    signature: Ints = column(np.int64, "M")  # VesselClass by its sound; -1 if unknown
-    origin: Ints = column(np.int64, "M")
+    signature: Ints = optional_column("M", dtype=np.int64)  # VesselClass by its sound; -1 if unknown
+    origin: Ints = optional_column("M", dtype=np.int64)
     bearing_sigma_deg: Floats = optional_column("M")  # standard deviation of this bearing; NaN: that of the sensor
 
 
@@ -96,7 +96,7 @@ class TrackReports(Batch):
     position_deg: Floats = column(np.float64, "M", 2)
     velocity_m_s: Floats = column(np.float64, "M", 2)  # NaN: not given
     covariance: Floats = column(np.float64, "M", 4, 4)  # NaN: not given; the velocity block alone may be NaN
-    origin: Ints = column(np.int64, "M")
+    origin: Ints = optional_column("M", dtype=np.int64)
     echo_length_m: Floats = optional_column("M")  # as of `Tracks`; NaN: not given, here and below
     echo_width_m: Floats = optional_column("M")
     echo_axis_deg: Floats = optional_column("M")
@@ -205,6 +205,24 @@ class Trajectories(Struct):
     acceleration_m_s2: Floats = column(np.float64, "V", 2)  # known and constant while accelerating
     # Share of the deviation from the mean velocity that a perturbation leaves, 0 to 1; empty: 1, a random walk.
     kick_keep: Floats = column_or_none("D")
+
+    @classmethod
+    def without_model(
+        cls, vessel: Ints, time_s: Floats, position_deg: Floats, velocity_m_s: Floats, present: Bools
+    ) -> Trajectories:
+        """True motion of which no model is known. Args: as of the fields."""
+        v, nan = len(vessel), np.nan
+        return cls(
+            vessel,
+            time_s,
+            position_deg,
+            velocity_m_s,
+            present,
+            kick_s=np.zeros((v, 0)),
+            kick_m_s=np.full(v, nan),
+            turn_rate_rad_s=np.full(v, nan),
+            acceleration_m_s2=np.full((v, 2), nan),
+        )
 
     def at(self, time_s: float) -> Truth:
         """The vessels present at an instant, interpolated linearly between samples."""

@@ -70,17 +70,8 @@ class Crossing(Method):
         site_deg = sensors.radars.site_deg[0]
         present = np.isfinite(state[..., 0])
         filled = np.where(present[..., None], state, 0.0)
-        truth = Trajectories(
-            vessel=np.arange(self.count),
-            time_s=first_s + time_s,
-            position_deg=from_plane(filled[..., :2], site_deg),
-            velocity_m_s=filled[..., 2:],
-            present=present,
-            kick_s=np.zeros((self.count, 0)),
-            kick_m_s=np.full(self.count, np.nan),
-            turn_rate_rad_s=np.full(self.count, np.nan),
-            acceleration_m_s2=np.full((self.count, 2), np.nan),
-        )
+        position_deg = from_plane(filled[..., :2], site_deg)
+        truth = Trajectories.without_model(np.arange(self.count), first_s + time_s, position_deg, filled[..., 2:], present)
         radar = self._plots(sensors, seed, state, plan)
         reports = Reports(radar, self._messages(seed, state, first_s, site_deg))
         return Recording(reports=reports, truth=truth)

@@ -19,7 +19,6 @@ from coastwatch.batches import (
     Recording,
     Reports,
     Sensors,
-    Trajectories,
 )
 from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M
@@ -29,7 +28,7 @@ from coastwatch.sensors.simulated.harbour import Anchorages, Area, Lanes, Row, S
 from coastwatch.sensors.simulated.radar import RadarTruth, observe, require_usable_radars
 from coastwatch.sensors.simulated.sonar import SonarTruth, listen
 from coastwatch.sensors.simulated.static_data import transmit_static_data, true_types
-from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, VesselMotion, draw_motion
+from coastwatch.sensors.simulated.trajectories import VesselMotion, draw_motion
 from coastwatch.stage import Latitude, Longitude, Method, Plan
 
 POSITIONS = 51  # stream of random numbers
@@ -107,7 +106,7 @@ class Simulated(Method):
                 statics=transmit_static_data(self.ais, senders, ais.mmsi, *span),
                 bearing=_arrived(listen(sensors.sonars, sonar_truths, vessels.position, vessel, sounds, *span), stop_s),
             ),
-            truth=_truth(vessels, plan),
+            truth=vessels.sampled(plan.instants_s),
             silenced=tuple(int(v) for v in senders.row[senders.silent]),
             noise=self._noise(sensors, radar_truths),
         )
@@ -206,8 +205,3 @@ def _inside_by_sides(position_deg: Floats, corners_deg: Floats) -> Bools:
 def _arrived(reports: AnyReports, stop_s: float) -> AnyReports:
     """The reports that arrive before the end."""
     return reports.take(reports.received_s <= stop_s)
-
-
-def _truth(vessels: PiecewiseMotion, plan: Plan) -> Trajectories:
-    instants = [plan.start_s, *(plan.instant_s(c) for c in range(plan.cycles))]
-    return vessels.sampled(np.array(instants))

@@ -88,18 +88,11 @@ class StartStates(Method):
             raise InputError(f"period_s: got {plan.period_s}, needed {LOOK_S} where input.method is start_states")
         path, site_deg, reach_m = paths(self.path_seed), sensors.radars.site_deg[0], float(sensors.radars.range_m[0])
         path[..., :2] -= CENTRE_M
-        first_s, vessels = plan.instant_s(self.lead_in), len(path)
-        truth = Trajectories(
-            vessel=np.arange(vessels),
-            time_s=first_s + STEP_S * np.arange(path.shape[1], dtype=np.float64),
-            position_deg=from_plane(path[..., :2], site_deg),
-            velocity_m_s=path[..., 2:],
-            present=np.hypot(path[..., 0], path[..., 1]) <= reach_m,
-            kick_s=np.zeros((vessels, 0)),
-            kick_m_s=np.full(vessels, np.nan),
-            turn_rate_rad_s=np.full(vessels, np.nan),
-            acceleration_m_s2=np.full((vessels, 2), np.nan),
-        )
+        first_s = plan.instant_s(self.lead_in)
+        time_s = first_s + STEP_S * np.arange(path.shape[1], dtype=np.float64)
+        present = np.hypot(path[..., 0], path[..., 1]) <= reach_m
+        position_deg = from_plane(path[..., :2], site_deg)
+        truth = Trajectories.without_model(np.arange(len(path)), time_s, position_deg, path[..., 2:], present)
         radar = self._plots(path, seed, first_s, site_deg, reach_m)
         ais = self._messages(path, seed, first_s, site_deg, reach_m)
         return Recording(reports=Reports(radar, ais), truth=truth)

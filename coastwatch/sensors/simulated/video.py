@@ -81,10 +81,9 @@ class SimulatedVideo(Method):
         require_usable_radars(sensors.radars, "simulated_video")
         start_s, stop_s = plan.start_s, plan.instant_s(plan.cycles - 1)
         vessels = motion_of(self.ships, start_s, stop_s - start_s)
-        instants = np.array([start_s, *(plan.instant_s(c) for c in range(plan.cycles))])
         others = self._of_ais(sensors, vessels, seed, (start_s, stop_s))
         stream = VideoStream(self, sensors, vessels, seed, (start_s, stop_s), others)
-        return Recording(stream, vessels.sampled(instants), beside=others)
+        return Recording(stream, vessels.sampled(plan.instants_s), beside=others)
 
     def _of_ais(self, sensors: Sensors, vessels: PiecewiseMotion, seed: int, span_s: tuple[float, float]) -> Reports:
         """The AIS of a run. Positions are those of antennas."""

@@ -6,6 +6,7 @@ import gzip
 import json
 import math
 import zlib
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -70,10 +71,11 @@ class Autoferry(Method):
         frames, truth, faults = self._recorded()
         tally = Tally()
         radar, bearing = _radar_reports(frames, self, sensors, tally), _bearing_reports(frames, self, sensors, tally)
-        instants: Floats = plan.start_s + plan.period_s * np.arange(plan.cycles + 1, dtype=np.float64)
         faults += tally.faults()
         contents = (_content(frames, self, len(radar) + len(bearing)),)
-        return Recording(Reports(radar=radar, bearing=bearing), _trajectories(truth, instants), faults, contents=contents)
+        return Recording(
+            Reports(radar=radar, bearing=bearing), _trajectories(truth, plan.instants_s), faults, contents=contents
+        )
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last arrival."""
@@ -199,48 +201,43 @@ def _fixes(truth: list[Any]) -> tuple[_Fixes, ...]:
 
 def _radar_reports(returns: _Returns, settings: Autoferry, sensors: Sensors, tally: Tally) -> RadarReports:
     wanted = [(RADAR, settings.radar_time_lag_s), (LIDAR, settings.lidar_time_lag_s)][: 2 if settings.use_lidar else 1]
-    number = np.full(len(returns.sensor), -1, np.int64)
-    lag = np.zeros(len(returns.sensor))
-    for i, (kind, lag_s) in enumerate(wanted):
-        mine = returns.sensor == kind
-        if i < len(sensors.radars):
-            number[mine] = i
-            lag[mine] = lag_s
-        else:
-            tally.add_rows(NO_SENSOR, mine, lambda _: "detections", lambda _, k=kind: f"sensorID {k}")  # type: ignore[misc]
-    rows = np.flatnonzero(number >= 0)
-    ne = returns.ne_m[rows]
+    rows, number, azimuth_deg = _of_sensors(returns, [kind for kind, _ in wanted], len(sensors.radars), tally)
+    lag_s = np.array([lag_s for _, lag_s in wanted])[number]
     return RadarReports(
-        sensor=number[rows],
-        time_s=returns.time_s[rows] - lag[rows],
+        sensor=number,
+        time_s=returns.time_s[rows] - lag_s,
         received_s=returns.received_s[rows],
-        range_m=np.hypot(ne[:, 0], ne[:, 1]),
-        azimuth_deg=np.degrees(np.arctan2(ne[:, 1], ne[:, 0])) % 360.0,
+        range_m=np.hypot(*returns.ne_m[rows].T),
+        azimuth_deg=azimuth_deg,
         site_deg=_geodetic(returns.own_ne_m[rows]),
-        origin=np.full(len(rows), -1, np.int64),
     )
 
 
 def _bearing_reports(returns: _Returns, settings: Autoferry, sensors: Sensors, tally: Tally) -> BearingReports:
+    cameras = (INFRARED, VISIBLE) if settings.use_cameras else ()
+    rows, number, bearing_deg = _of_sensors(returns, cameras, len(sensors.sonars), tally)
+    return BearingReports(
+        sensor=number,
+        time_s=returns.time_s[rows],
+        received_s=returns.received_s[rows],
+        bearing_deg=bearing_deg,
+        contact=np.full(len(rows), -1, np.int64),
+        site_deg=_geodetic(returns.own_ne_m[rows]),
+    )
+
+
+def _of_sensors(returns: _Returns, kinds: Sequence[int], sensors: int, tally: Tally) -> tuple[Ints, Ints, Floats]:
+    """The rows of these kinds, the number of the sensor of each, and the direction, deg. Kinds without a sensor are counted."""
     number = np.full(len(returns.sensor), -1, np.int64)
-    for i, kind in enumerate((INFRARED, VISIBLE) if settings.use_cameras else ()):
+    for i, kind in enumerate(kinds):
         mine = returns.sensor == kind
-        if i < len(sensors.sonars):
+        if i < sensors:
             number[mine] = i
         else:
             tally.add_rows(NO_SENSOR, mine, lambda _: "detections", lambda _, k=kind: f"sensorID {k}")  # type: ignore[misc]
     rows = np.flatnonzero(number >= 0)
-    ne = returns.ne_m[rows]
-    return BearingReports(
-        sensor=number[rows],
-        time_s=returns.time_s[rows],
-        received_s=returns.received_s[rows],
-        bearing_deg=np.degrees(np.arctan2(ne[:, 1], ne[:, 0])) % 360.0,
-        contact=np.full(len(rows), -1, np.int64),
-        site_deg=_geodetic(returns.own_ne_m[rows]),
-        signature=np.full(len(rows), -1, np.int64),
-        origin=np.full(len(rows), -1, np.int64),
-    )
+    north, east = returns.ne_m[rows].T
+    return rows, number[rows], np.degrees(np.arctan2(east, north)) % 360.0
 
 
 def _geodetic(ne_m: Array) -> Floats:
@@ -257,17 +254,7 @@ def _trajectories(truth: tuple[_Fixes, ...], instants: Floats) -> Trajectories:
         position[v] = _geodetic(_interpolated(instants, fixes))
         step = _interpolated(ahead, fixes) - _interpolated(behind, fixes)
         velocity[v] = step[:, ::-1] / np.maximum(ahead - behind, 1e-3)[:, None]
-    return Trajectories(
-        vessel=np.array([f.target for f in truth], np.int64),
-        time_s=instants,
-        position_deg=position,
-        velocity_m_s=velocity,
-        present=present,
-        kick_s=np.zeros((len(truth), 0)),
-        kick_m_s=np.full(len(truth), np.nan),
-        turn_rate_rad_s=np.full(len(truth), np.nan),
-        acceleration_m_s2=np.full((len(truth), 2), np.nan),
-    )
+    return Trajectories.without_model(np.array([f.target for f in truth], np.int64), instants, position, velocity, present)
 
 
 def _interpolated(time_s: Floats, fixes: _Fixes) -> Floats:

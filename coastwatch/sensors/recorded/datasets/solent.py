@@ -201,8 +201,7 @@ def _ellipse(axis: Floats, sigma: Floats) -> Floats:
 
 def _trajectories(fixes: _Fixes, paths: _Paths, plan: Plan, stop_s: float) -> Trajectories:
     """The truth of all vessels that are present during the run, each second and at the instants of the plan."""
-    instants = plan.start_s + plan.period_s * np.arange(plan.cycles + 1)
-    time_s: Floats = np.unique(np.concatenate([instants, np.arange(plan.start_s, stop_s, GRID_S)]))
+    time_s: Floats = np.unique(np.concatenate([plan.instants_s, np.arange(plan.start_s, stop_s, GRID_S)]))
     vessels, states = [], []
     for vessel in range(len(fixes.mmsi)):
         mine = slice(*np.searchsorted(paths.vessel, [vessel, vessel + 1]))
@@ -219,17 +218,8 @@ def _trajectories(fixes: _Fixes, paths: _Paths, plan: Plan, stop_s: float) -> Tr
     flat, velocity = (np.take_along_axis(a, nearest[..., None], axis=1) for a in (flat, rate))
     position = from_plane(flat, PLANE_DEG)
     back = np.swapaxes(turn(position, PLANE_DEG), -1, -2)
-    return Trajectories(
-        vessel=np.array(vessels, np.int64),
-        time_s=time_s,
-        position_deg=position,
-        velocity_m_s=np.einsum("vtij,vtj->vti", back, velocity),
-        present=present,
-        kick_s=np.zeros((len(states), 0)),
-        kick_m_s=np.full(len(states), np.nan),
-        turn_rate_rad_s=np.full(len(states), np.nan),
-        acceleration_m_s2=np.full((len(states), 2), np.nan),
-    )
+    velocity = np.einsum("vtij,vtj->vti", back, velocity)
+    return Trajectories.without_model(np.array(vessels, np.int64), time_s, position, velocity, present)
 
 
 def _nearest(present: Bools, time_s: Floats) -> Ints:

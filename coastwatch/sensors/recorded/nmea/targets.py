@@ -60,7 +60,6 @@ def _in_order(
         position_deg=table[:, 3:5].copy(),
         velocity_m_s=table[:, 5:7].copy(),
         covariance=np.full((len(table), 4, 4), np.nan),
-        origin=np.full(len(table), -1, np.int64),
     )
 
 

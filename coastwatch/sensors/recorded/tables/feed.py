@@ -328,7 +328,6 @@ def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarR
         range_m=range_m[rows],
         azimuth_deg=azimuth_deg[rows] % 360.0,
         site_deg=site[rows],
-        origin=np.full(len(rows), -1, np.int64),
         range_sigma_m=range_sigma[rows],
         azimuth_sigma_deg=azimuth_sigma[rows],
     )
@@ -391,7 +390,6 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
         contact=np.nan_to_num(values["contact"], nan=-1.0).astype(np.int64)[rows],
         site_deg=_sites(values, sonars.site_deg, sensor)[rows],
         signature=_signatures(values["signature"][rows]),
-        origin=np.full(len(rows), -1, np.int64),
         bearing_sigma_deg=values["bearing_sigma"][rows],
     )
 

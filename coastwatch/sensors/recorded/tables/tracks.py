@@ -96,7 +96,6 @@ def track_reports(
         position_deg=position,
         velocity_m_s=velocity,
         covariance=covariance[rows],
-        origin=np.full(len(rows), -1, np.int64),
     )
 
 
