@@ -14,7 +14,6 @@ from coastwatch.batches import (
     AisReports,
     AisStatics,
     BearingReports,
-    Bools,
     Floats,
     Ints,
     RadarReports,
@@ -29,7 +28,7 @@ from coastwatch.batches import (
     TrackSources,
 )
 from coastwatch.errors import InputError
-from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
+from coastwatch.formats.intake.ais_validation import AisIntake
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.registry import FORMATS
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
@@ -48,7 +47,9 @@ from coastwatch.sensors.recorded.tables.rows import (
     find_columns,
     good_cells,
     need_columns,
+    off_earth,
     sensor_numbers,
+    stamps_of,
 )
 from coastwatch.sensors.recorded.tables.tracks import TrackColumns, track_reports
 from coastwatch.sensors.recorded.video.feed import FORMAT as VIDEO
@@ -290,10 +291,8 @@ def _received(settings: Tables, table: Table, part: str, columns: Settings, tall
     """Reception times of the rows of a table that have a time."""
     column = find_columns(table, part, columns)
     need_columns(table, part, column, ("time",))
-    time, _ = table.times(column["time"], settings.time_format)
-    received, _ = table.times(column["received"], settings.time_format)
-    stamp = np.where(np.isnan(received), time, received)
-    return arrived(table.at(np.isfinite(stamp)), stamp[np.isfinite(stamp)], settings.intake, tally)[1]
+    values = {key: table.times(column[key], settings.time_format)[0] for key in ("time", "received")}
+    return arrived(table, np.isfinite(stamps_of(values)), values, settings.intake, tally)[1]
 
 
 def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarReports:
@@ -309,13 +308,11 @@ def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarR
     site = _sites(values, radars.site_deg, sensor)
     range_m, azimuth_deg = _polar(values, site, polar)
     good = sensor >= 0
-    for kind, mask in _plot_faults(values, range_m, azimuth_deg, polar).items():
+    shape = {RANGE: ~(range_m > 0.0), AZIMUTH: ~(np.abs(azimuth_deg) <= 360.0)}
+    for kind, mask in (shape if polar else off_earth(values) | shape).items():
         tally.add_rows(kind, good & mask, table.location, table.example)
         good &= ~mask
-    stamp = np.where(np.isnan(values["received"]), values["time"], values["received"])[good]
-    kept = np.flatnonzero(good)
-    rows, received = arrived(table.at(good), stamp, settings.intake, tally)
-    rows = kept[rows]
+    rows, received = arrived(table, good, values, settings.intake, tally)
     range_sigma, azimuth_sigma = _plot_sigmas(values, range_m, azimuth_deg, polar)
     for name, sigma in (("range", range_sigma), ("azimuth", azimuth_sigma)):
         tally.add_rows(f"{NO_SIGMA}{name}", good & (sigma <= 0.0), table.location, table.example, used=True)
@@ -358,14 +355,6 @@ def _polar(values: dict[str, Floats], site: Floats, polar: bool) -> tuple[Floats
     return np.hypot(flat[:, 0], flat[:, 1]), np.degrees(np.arctan2(flat[:, 0], flat[:, 1]))
 
 
-def _plot_faults(values: dict[str, Floats], range_m: Floats, azimuth_deg: Floats, polar: bool) -> dict[str, Bools]:
-    shape = {RANGE: ~(range_m > 0.0), AZIMUTH: ~(np.abs(azimuth_deg) <= 360.0)}
-    if polar:
-        return shape
-    far = {LATITUDE: ~(np.abs(values["latitude"]) <= HIGHEST_LATITUDE), LONGITUDE: ~(np.abs(values["longitude"]) <= 180.0)}
-    return far | shape
-
-
 def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> BearingReports:
     table = read_table(path, settings.separator, tally)
     column = find_columns(table, "bearings", settings.bearing_columns)
@@ -375,10 +364,8 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
     wrong = np.abs(values["bearing"]) > 360.0
     good = (sensor >= 0) & ~wrong
     tally.add_rows(AZIMUTH, (sensor >= 0) & wrong, table.location, table.example)
-    stamp = np.where(np.isnan(values["received"]), values["time"], values["received"])[good]
-    kept = np.flatnonzero(good)
-    rows, received = arrived(table.at(good), stamp, settings.intake, tally)
-    rows = kept[rows]
+    rows, received = arrived(table, good, values, settings.intake, tally)
+    is_class = np.isin(values["signature"], np.arange(CLASSES))
     no_sigma = good & (values["bearing_sigma"] <= 0.0)
     tally.add_rows(f"{NO_SIGMA}bearing", no_sigma, table.location, table.example, used=True)
     tally.add_file(content_of(table, "bearings", column, values["time"][rows]))
@@ -389,15 +376,9 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
         bearing_deg=values["bearing"][rows] % 360.0,
         contact=np.nan_to_num(values["contact"], nan=-1.0).astype(np.int64)[rows],
         site_deg=_sites(values, sonars.site_deg, sensor)[rows],
-        signature=_signatures(values["signature"][rows]),
+        signature=np.where(is_class, values["signature"], -1.0).astype(np.int64)[rows],
         bearing_sigma_deg=values["bearing_sigma"][rows],
     )
-
-
-def _signatures(cells: Floats) -> Ints:
-    """The class in each cell, -1 for none."""
-    whole = np.isin(cells, np.arange(CLASSES))
-    return np.where(whole, np.where(whole, cells, -1.0), -1.0).astype(np.int64)
 
 
 def _sites(values: dict[str, Floats], of_sensor: Floats, sensor: Ints) -> Floats:

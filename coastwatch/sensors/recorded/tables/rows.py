@@ -8,9 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from coastwatch.batches import Array, FileContent, Floats, Ints
+from coastwatch.batches import Array, Bools, FileContent, Floats, Ints
 from coastwatch.errors import InputError
-from coastwatch.formats.intake.ais_validation import NON_FINITE, AisIntake
+from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, NON_FINITE, AisIntake
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.reception_time import LATE, reception_times
 from coastwatch.sensors.recorded.tables.reader import Table
@@ -220,14 +220,27 @@ def box_of(position_deg: Floats) -> tuple[float, float, float, float]:
     return float(south), float(west), float(north), float(east)
 
 
-def arrived(table: Table, stamp: Floats, intake: AisIntake, tally: Tally) -> tuple[Array, Floats]:
-    """The rows whose time is accepted, in order of arrival, and their reception times."""
-    order = np.argsort(stamp, kind="stable") if intake.order == "time" else np.arange(len(stamp))
-    arrived = reception_times(stamp[order], intake.lateness_s, intake.longest_silence_s)
+def stamps_of(values: dict[str, Floats]) -> Floats:
+    """When each row arrived, or else its time."""
+    return np.where(np.isnan(values["received"]), values["time"], values["received"])
+
+
+def arrived(table: Table, good: Bools, values: dict[str, Floats], intake: AisIntake, tally: Tally) -> tuple[Ints, Floats]:
+    """The good rows whose time is accepted, in order of arrival, and their reception times. Args: good: (M,) of the table."""
+    rows, stamp = np.flatnonzero(good), stamps_of(values)
+    if intake.order == "time":
+        rows = rows[np.argsort(stamp[rows], kind="stable")]
+    arrived = reception_times(stamp[rows], intake.lateness_s, intake.longest_silence_s)
     for kind, mask in arrived.faults.items():
-        where, example = (lambda i: table.location(int(order[i]))), (lambda i: table.example(int(order[i])))
+        where, example = (lambda i: table.location(int(rows[i]))), (lambda i: table.example(int(rows[i])))
         tally.add_rows(kind, mask, where, example, used=kind == LATE)
-    return order[arrived.accepted], arrived.received_s[arrived.accepted]
+    return rows[arrived.accepted], arrived.received_s[arrived.accepted]
+
+
+def off_earth(values: dict[str, Floats]) -> dict[str, Bools]:
+    """Which positions are none, by the kind of the fault."""
+    latitude, longitude = np.abs(values["latitude"]), np.abs(values["longitude"])
+    return {LATITUDE: ~(latitude <= HIGHEST_LATITUDE), LONGITUDE: ~(longitude <= 180.0)}
 
 
 def sensor_numbers(table: Table, column: str | None, names: Array, kind: str, tally: Tally) -> Ints:

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from coastwatch.batches import Floats, Ints, TrackReports, TrackSources
-from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
+from coastwatch.formats.intake.ais_validation import AisIntake
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.recorded.tables.reader import Table, read_table
@@ -20,6 +20,7 @@ from coastwatch.sensors.recorded.tables.rows import (
     find_columns,
     good_cells,
     need_columns,
+    off_earth,
     sensor_numbers,
 )
 from coastwatch.sensors.recorded.tables.stated_motion import SPEED_KN, doubts
@@ -73,15 +74,11 @@ def track_reports(
         sensor = sensor_numbers(table, column["source"], sources.name, UNKNOWN_SOURCE, tally)
     good = sensor >= 0
     covariance = _covariance(values)
-    far = {LATITUDE: ~(np.abs(values["latitude"]) <= HIGHEST_LATITUDE), LONGITUDE: ~(np.abs(values["longitude"]) <= 180.0)}
     number, empty = _numbers(table, str(column["track"]))
-    for kind, mask in {EMPTY_CELL: empty, **far, COVARIANCE: _is_wrong(covariance)}.items():
+    for kind, mask in {EMPTY_CELL: empty, **off_earth(values), COVARIANCE: _is_wrong(covariance)}.items():
         tally.add_rows(kind, good & mask, table.location, table.example)
         good &= ~mask
-    stamp = np.where(np.isnan(values["received"]), values["time"], values["received"])[good]
-    kept = np.flatnonzero(good)
-    rows, received = arrived(table.at(good), stamp, intake, tally)
-    rows = kept[rows]
+    rows, received = arrived(table, good, values, intake, tally)
     position = np.stack([values["latitude"], values["longitude"]], axis=-1)[rows]
     velocity = _velocity(values, SPEED_KN[speed_unit])[rows]
     _, track = np.unique(np.stack([sensor, number], axis=-1)[rows], axis=0, return_inverse=True)
