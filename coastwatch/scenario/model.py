@@ -29,7 +29,7 @@ from coastwatch.picture import Identity
 from coastwatch.plots import CfarExtraction, PlotConverter, PlotExtractor, PolarConversion
 from coastwatch.registration import OnlineRegistration, Registrar
 from coastwatch.scenario.sites import Area, Name, Radar, Sonar, Station, TrackSource, sensors_of
-from coastwatch.sensors import Feed, Tables, VideoFiles
+from coastwatch.sensors import SIMULATIONS, Feed, Tables, VideoFiles
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
 from coastwatch.stage import Count, CountOrZero, Method, NotNegative, Plan, Positive, Settings
@@ -265,11 +265,16 @@ class Scenario(Settings):
         return int(np.ceil(self.warmup_s / self.period_s))
 
     def plan(self) -> Plan:
-        """The instants of the run. If start or length are not set, they follow from the span of the input."""
+        """The instants of the run. If start or length are not set, they follow from the span of the input.
+
+        Raises: InputError: a simulation has no span of its own, or a file cannot be read.
+        """
         if self.start_utc is not None and self.cycles > 0:
             cycles = self.warmup_cycles + self.cycles
             return Plan(start_s=self.start_utc.timestamp(), period_s=self.period_s, cycles=cycles)
         feed = self.input
+        if isinstance(feed, SIMULATIONS):
+            raise InputError(f"start_utc, cycles: got none or 0, needed both where input.method is {feed.method}")
         if isinstance(feed, Tables):
             after_s = -math.inf if self.start_utc is None else self.start_utc.timestamp()
             sensors = self.sensors() if feed.names_sensors() else None

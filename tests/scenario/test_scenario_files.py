@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from coastwatch.errors import InputError
 from coastwatch.scenario import Scenario, ScenarioError, load_scenario, scenario_names
 
 pytestmark = pytest.mark.contract
@@ -107,6 +108,11 @@ def test_every_wrong_key_is_named_at_once(tmp_path: Path) -> None:
     said = refusal(written(tmp_path, text)).splitlines()
     assert [("radars.0.rpm" in line, "count" in line, "cycles" in line) for line in said].count((False, False, False)) == 0
     assert len(said) == 3
+
+
+def test_a_simulation_has_no_span_of_its_own() -> None:
+    with pytest.raises(InputError, match="start_utc, cycles: got none or 0"):
+        load_scenario("guanabara", {"cycles": "0"}).plan()
 
 
 def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:

@@ -201,11 +201,6 @@ def test_wrong_settings_are_refused_by_name(settings, what):
         simulated(**{"count": 5, **settings})
 
 
-def test_a_simulation_has_no_span_of_its_own():
-    with pytest.raises(ValueError, match="start_utc"):
-        simulated().span()
-
-
 def test_the_first_vessels_start_where_they_are_put_and_the_others_as_before():
     places = ((-23.01, -43.12), (-22.99, -43.08))
     plain, put = recorded(10).truth, recorded(10, places_deg=places).truth

@@ -11,8 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import AisReports, Bools, Floats, RadarReports, Recording, Reports, Sensors, Trajectories
-from coastwatch.errors import InputError
+from coastwatch.batches import AisReports, Floats, RadarReports, Recording, Reports, Sensors, Trajectories
 from coastwatch.geodesy import KNOT_M_S, from_plane
 from coastwatch.sensors.simulated.radar import require_usable_radars
 from coastwatch.stage import Count, Method, NotNegative, Plan, Positive, Share
@@ -76,10 +75,6 @@ class Crossing(Method):
         reports = Reports(radar, self._messages(seed, state, first_s, site_deg))
         return Recording(reports=reports, truth=truth)
 
-    def span(self) -> tuple[float, float]:
-        """Never returns: a simulation has no start of its own. Raises: InputError."""
-        raise InputError("start_utc, cycles: got none or 0, needed both where input.method is crossing")
-
     def _motion(self, rng: np.random.Generator, steps: int) -> Floats:
         """East, north and their rates of each vessel at each step, NaN where it is absent. (V, T, 4)"""
         out = np.full((self.count, steps, 4), np.nan)
@@ -126,7 +121,9 @@ class Crossing(Method):
 
     def _plots(self, sensors: Sensors, seed: int, state: Floats, plan: Plan) -> RadarReports:
         radars, rng, other = sensors.radars, np.random.default_rng([seed, DETECTION]), np.random.default_rng([seed, CLUTTER])
-        visible = rng.random(self.count) < _steady_share(self.hide_share, self.show_share)
+        # At first as many are visible as in the long run.
+        steady = self.show_share / (self.hide_share + self.show_share) if self.hide_share > 0.0 else 1.0
+        visible = rng.random(self.count) < steady
         range_sigma_m = float(radars.range_sigma_m[0]) if self.range_sigma_m is None else self.range_sigma_m
         place, time, origin = [], [], []
         for cycle in range(0, plan.cycles, self.looks_every):
@@ -191,13 +188,9 @@ class Crossing(Method):
             position_deg=from_plane(found[:, 1:3], site_deg),
             sog_kn=unknown,
             cog_deg=unknown,
-            class_b=_no(len(found)),
+            class_b=np.zeros(len(found), np.bool_),
             origin=found[:, 4].astype(np.int64),
         )
-
-
-def _no(count: int) -> Bools:
-    return np.zeros(count, np.bool_)
 
 
 def _unit(angle: float) -> Floats:
@@ -208,8 +201,3 @@ def _turned(velocity: Floats, angle: float) -> Floats:
     """A velocity turned to port."""
     cos, sin = np.cos(angle), np.sin(angle)
     return np.array([cos * velocity[0] - sin * velocity[1], sin * velocity[0] + cos * velocity[1]])
-
-
-def _steady_share(hide: float, show: float) -> float:
-    """Share of the vessels that are visible in the long run."""
-    return show / (hide + show) if hide > 0.0 else 1.0

@@ -111,29 +111,17 @@ class Simulated(Method):
             noise=self._noise(sensors, radar_truths),
         )
 
-    def span(self) -> tuple[float, float]:
-        """Never returns: a simulation has no start of its own.
-
-        Raises: InputError that names the settings that a scenario with this input needs.
-        """
-        raise InputError("start_utc, cycles: got none or 0, needed both where input.method is simulated")
-
     def _start_positions(self, seed: int) -> Floats:
         """Positions of the vessels at the start: as set; the others evenly over the area or its water. (V, 2)"""
         if len(self.places_deg) > self.count:
             raise InputError(f"input.places_deg: got {len(self.places_deg)} places, needed at most input.count = {self.count}")
-        drawn = self._drawn(np.random.default_rng([seed, POSITIONS]))
-        return np.concatenate([np.array(self.places_deg, np.float64).reshape(-1, 2), drawn[len(self.places_deg) :]])
-
-    def _drawn(self, rng: np.random.Generator) -> Floats:
-        if not self.water_deg:
-            return self._area().drawn(rng, self.count)
-        corners, found = np.array(self.water_deg), np.zeros((0, 2))
+        rng, area, found = np.random.default_rng([seed, POSITIONS]), self._area(), np.zeros((0, 2))
         for _ in range(TRIES):
-            more = self._area().drawn(rng, self.count)
-            found = np.concatenate([found, more[inside(more, corners)]])
+            more = area.drawn(rng, self.count)
+            found = np.concatenate([found, more[inside(more, np.array(self.water_deg))] if self.water_deg else more])
             if len(found) >= self.count:
-                return found[: self.count]
+                set_deg = np.array(self.places_deg, np.float64).reshape(-1, 2)
+                return np.concatenate([set_deg, found[len(set_deg) : self.count]])
         raise InputError(
             f"input.water_deg: got under 1 % of the area around {self.area_latitude_deg}, {self.area_longitude_deg}"
         )

@@ -97,10 +97,6 @@ class StartStates(Method):
         ais = self._messages(path, seed, first_s, site_deg, reach_m)
         return Recording(reports=Reports(radar, ais), truth=truth)
 
-    def span(self) -> tuple[float, float]:
-        """Never returns: a simulation has no start of its own. Raises: InputError."""
-        raise InputError("start_utc, cycles: got none or 0, needed both where input.method is start_states")
-
     def in_shadow(self, position_m: Floats) -> Bools:
         """Whether positions east and north of the radar are in the shadow. Args: (..., 2). Returns: (...)."""
         azimuth_deg = np.degrees(np.arctan2(position_m[..., 0], position_m[..., 1]))

@@ -117,10 +117,6 @@ class SimulatedVideo(Method):
             ),
         )
 
-    def span(self) -> tuple[float, float]:
-        """Never returns: a simulation has no start of its own. Raises: InputError."""
-        raise InputError("start_utc, cycles: got none or 0, needed both where input.method is simulated_video")
-
 
 def motion_of(ships: tuple[Ship, ...], start_s: float, span_s: float) -> PiecewiseMotion:
     """The motion of ships on their legs."""

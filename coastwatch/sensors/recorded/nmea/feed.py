@@ -293,7 +293,12 @@ def first_and_last(settings: Nmea, files: Fingerprint) -> Ends:
         first_s, last_s = float(received.min(initial=math.inf)), float(received.max(initial=-math.inf))
         if not file.is_exhausted:
             end_s = _last_s(settings, path)
-            last_s = max(last_s, _newest_of_all(settings, path) if math.isnan(end_s) else end_s)
+            if math.isnan(end_s):  # no time at its end: of all of its blocks
+                whole = _FileStream(settings, path, Tally())
+                while whole.block() is not None:
+                    pass
+                end_s = whole.newest_s
+            last_s = max(last_s, end_s)
         of_files.append(_ends(first_s, last_s))
     every = np.concatenate([np.zeros(0), *of_files])
     ends = _ends(float(every.min(initial=math.inf)), float(every.max(initial=-math.inf)))
@@ -314,29 +319,16 @@ def _last_s(settings: Nmea, path: Path) -> float:
     return float(times.received_s[-1]) if times.accepted.any() else math.nan
 
 
-def _newest_of_all(settings: Nmea, path: Path) -> float:
-    """The newest time of reception of a file, from all of its blocks."""
-    file = _FileStream(settings, path, Tally())
-    while file.block() is not None:
-        pass
-    return file.newest_s
-
-
-def _packed(path: Path) -> bool:
-    with path.open("rb") as plain:
-        return plain.read(2) == GZIP_MAGIC
-
-
 def _tail(path: Path) -> list[bytes]:
     """The last lines of a file, decompressed if needed."""
-    if not _packed(path):
-        with path.open("rb") as stream:
+    with path.open("rb") as stream:
+        if stream.read(2) != GZIP_MAGIC:
             stream.seek(max(path.stat().st_size - TAIL_BYTES, 0))
             return stream.read().split(b"\n")[1:]
     kept = b""
-    with gzip.open(path, "rb") as stream:
+    with gzip.open(path, "rb") as packed:
         try:
-            while piece := stream.read(TAIL_BYTES):
+            while piece := packed.read(TAIL_BYTES):
                 kept = (kept + piece)[-TAIL_BYTES:]
         except (EOFError, zlib.error, gzip.BadGzipFile):
             pass  # the reader of the stream counts it

@@ -38,20 +38,14 @@ def target_reports(
             states.append(state)
             lines.append(received.line)
     ledger.beside[OF_OWN_SHIP] += targets.of_own_ship
-    return _in_order(states, lines, source, path.name, intake, tally, ledger)
-
-
-def _in_order(
-    states: list[State], lines: list[int], source: int, name: str, intake: AisIntake, tally: Tally, ledger: Ledger
-) -> TrackReports:
     table = np.array(states, np.float64).reshape(-1, 7)
     times = reception_times(table[:, 2], intake.lateness_s, intake.longest_silence_s)
     for kind, mask in times.faults.items():
-        tally.add_rows(kind, mask, lambda i: f"{name}:{lines[i]}", lambda i: "", used=kind == LATE)
+        tally.add_rows(kind, mask, lambda i: f"{path.name}:{lines[i]}", lambda i: "", used=kind == LATE)
     table, received_s = table[times.accepted], times.received_s[times.accepted]
     span = (float(table[:, 1].min()), float(table[:, 1].max())) if len(table) else (math.nan, math.nan)
     beside = tuple(ledger.beside.items())
-    tally.add_file(FileContent(name, "track states", len(table), *span, read=ledger.read, beside=beside))
+    tally.add_file(FileContent(path.name, "track states", len(table), *span, read=ledger.read, beside=beside))
     return TrackReports(
         sensor=np.full(len(table), source, np.int64),
         number=table[:, 0].astype(np.int64),

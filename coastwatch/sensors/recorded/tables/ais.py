@@ -17,7 +17,7 @@ from coastwatch.sensors.recorded.files import Fingerprint, fingerprint
 from coastwatch.sensors.recorded.merging import by_arrival, span_of
 from coastwatch.sensors.recorded.tables.ais_cells import accuracies, classes, covariances, nav_statuses
 from coastwatch.sensors.recorded.tables.reader import Separator, Table, read_table
-from coastwatch.sensors.recorded.tables.rows import content_of, find_columns, good_cells, need_columns
+from coastwatch.sensors.recorded.tables.rows import content_of, find_columns, good_cells, need_columns, stamps_of
 from coastwatch.sensors.recorded.tables.stated_motion import SPEED_KN, doubts
 from coastwatch.stage import Method, Plan, Settings
 
@@ -104,14 +104,16 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     need_columns(table, "ais", column, REQUIRED)
     table, values = good_cells(table, column, REQUIRED, settings.time_format, tally)
     received = values["received"]
-    stamp = np.where(np.isnan(received), values["time"], received)
+    stamp, number = stamps_of(values), values["mmsi"]
+    is_whole = (number == np.floor(number)) & (np.abs(number) < 1e12)
+    mmsi = np.where(is_whole, number, -1.0).astype(np.int64)  # -1 is no MMSI
     class_b, station = classes(table, column["ais_class"], tally)
     rows = AisRows(
         row=table.row,
         stamp_s=stamp,
         fix_s=np.where(np.isnan(received), np.nan, values["time"]),
         second=np.full(len(table), -1, np.int64),
-        mmsi=_whole(values["mmsi"]),
+        mmsi=mmsi,
         position_deg=np.stack([values["latitude"], values["longitude"]], axis=-1),
         sog_kn=values["sog"] * SPEED_KN[settings.speed_unit],
         cog_deg=values["cog"],
@@ -124,7 +126,7 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     )
     if missing := wrapped_cog(values["cog"]):
         tally.add_rows(f"{WRAPPED_COG}{missing:g} is missing", values["cog"] < 0.0, table.location, table.example, used=True)
-    statics, static_rows = _statics(table, column, values, rows.mmsi, stamp)
+    statics, static_rows = _statics(table, column, values, mmsi, stamp)
     stream = Acceptance(settings.intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row))), feed)
     reports, static = stream.block(rows, statics, static_rows)
     course = np.radians(reports.cog_deg)
@@ -133,11 +135,6 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     names = len(static_rows), len(static)
     tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg, speed_doubts, names))
     return reports, static
-
-
-def _whole(number: Floats) -> Ints:
-    """As integers; other numbers become -1, which is no MMSI."""
-    return np.where((number == np.floor(number)) & (np.abs(number) < 1e12), number, -1.0).astype(np.int64)
 
 
 def wrapped_cog(cog_deg: Floats) -> float:

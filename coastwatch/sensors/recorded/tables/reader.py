@@ -222,7 +222,8 @@ def _read_csv(path: Path, separator: str, tally: Tally) -> Table:
     if not len(row):
         raise InputError(f"{path}: got no line, needed a table with a header")
     lines = lines[row - 1]
-    separator = _separator_of(lines[0]) if separator == "auto" else separator
+    if separator == "auto":  # what the header has most often outside quotations, a comma where it has none
+        separator = max(SEPARATORS, key=re.sub('"[^"]*"', "", lines[0]).count)
     bare = lines.str.replace_all('"[^"]*"', "")
     cells = bare.str.count_matches(separator, literal=True)
     need = cells[0]
@@ -250,12 +251,6 @@ def _lines(content: bytes) -> pl.Series:
         new_columns=["line"],
     )
     return frame["line"].fill_null("").str.strip_chars_end("\r")
-
-
-def _separator_of(header: str) -> str:
-    """The separator that the header has most often outside quotations, a comma where it has none."""
-    bare = re.sub('"[^"]*"', "", header)
-    return max(SEPARATORS, key=bare.count)
 
 
 def _unpacked(path: Path, tally: Tally) -> bytes:
