@@ -6,7 +6,6 @@ Journal of Advances in Information Fusion 17(2), 2022, sections III to V.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -21,112 +20,90 @@ from coastwatch.tracks.radar.life.existence import merge_duplicates
 from coastwatch.tracks.radar.parts import LIKELY, Parts, begin_tracks, gated_by_plots, learn_turn
 from coastwatch.tracks.radar.table import RadarMemory
 
-Free = Callable[[Ints, Floats, int], Floats]
-"""(M,) The probability that each plot is of no track, of the plot and probability of each pair (A,), and the count of plots."""
-
 
 class Jipda(Settings):
     """Each track weighs all plots in its gate, and each plot may be of a vessel without a track."""
 
     upkeep: ClassVar[str] = "existence"
     by_radar: ClassVar[bool] = True
+    literal: ClassVar[bool] = False  # as printed
     method: Literal["jipda"] = "jipda"
 
     def track_batch(self, parts: Parts, memory: RadarMemory, batch: PlotColumns) -> tuple[RadarMemory, Ints]:
         """Weigh the plots of a batch of one radar. Returns: memory, the slot of the track that most likely took each plot, or -1."""
-        return _weigh(parts, memory, batch, 1.0, _free_probability)
+        table, rules, clutter, radar = memory.table, parts.existence, parts.clutter, int(batch.sensor[0])
+        period_s = float(parts.sensors.radars.period_s[radar])
+        learn_turn(parts, memory, batch)
+        columns, every_density = rules.by_number(memory.rates, parts.sensors.radars)
+        detection = float(columns.probability[radar])
+        false_per_m2 = memory.false_plots_per_m2(clutter, batch, float(every_density[radar]))
+        unborn_per_m2 = rules.new_per_m2(columns.probability)[radar]
+        pairs, added = gated_by_plots(parts, table, batch)
+        due = (
+            batch.time[pairs.plot] - table.radar_s[pairs.track, radar] > 0.5 * period_s
+        )  # it took no plot of this radar in this look
+        hypotheses = parts.joint.predict_to_plots(table, Candidates(*(column[due] for column in pairs)), batch, added)
+        slot, plot, of = hypotheses.slot, hypotheses.plot, hypotheses.track
+        kernels.tracks.existence.predict_existence(
+            table.existing, slot, table.updated_s[slot], radar, period_s, columns, rules.chain
+        )
+        sought = (table.existence[slot] >= EXISTS) & (table.updated_s[slot] - table.radar_s[slot, radar] <= LATELY * period_s)
+        r, eta = table.existence[slot], table.visibility[slot]
+        missed = 1.0 - r * eta * detection
+        weight = (
+            (detection * eta * r / missed)[of]
+            * parts.joint.likelihood(table, hypotheses)
+            / (false_per_m2 if self.literal else false_per_m2 + unborn_per_m2)[plot]
+        )
+        probability: Floats = kernels.association.marginals.marginals(
+            plot, of, weight, len(batch.time), len(slot), rules.exact_up_to
+        )
+        taken = np.minimum(np.bincount(of, probability, len(slot)), 1.0)
+        survived = (1.0 - taken) * r * (1.0 - eta * detection) / missed
+        exists = survived + taken
+        parts.joint.update_by_shares(table, hypotheses, probability / exists[of], batch, rules.least_model_probability)
+        table.existence[slot] = np.minimum(exists, SURELY)
+        table.visibility[slot] = (survived * (1.0 - detection) * eta / (1.0 - detection * eta) + taken) / exists
+        if rules.rates.learnt:
+            memory.rates.detections[radar] += taken[sought].sum()
+            memory.rates.looks[radar] += sought.sum()
+        table.looked_s[slot, radar] = table.updated_s[slot]
+        table.misses[slot] = 0
+        likely = np.flatnonzero(probability > LIKELY)
+        kernels.tracks.track_life.record(table.life, slot[of[likely]], plot[likely], batch)
+        table.note_moved(clutter, slot)
+        if memory.plots_alone.models:
+            plots_alone.update(
+                memory.plots_alone, table, hypotheses, probability / exists[of], likely, batch, rules.least_model_probability
+            )
+        best = np.full(len(batch.time), -1)
+        best[plot[likely]] = slot[of[likely]]
+        free: Floats = np.maximum(1.0 - np.bincount(plot, probability, len(batch.time)), 0.0)
+        if self.literal:
+            free = np.where(np.bincount(plot, minlength=len(batch.time)) == 0, 1.0, 0.0)
+        if rules.rates.learnt:
+            memory = memory.decided(clutter, parts.sensors.radars, batch, free)
+            memory.rates.false_plots[radar] += (free * false_per_m2 / (false_per_m2 + unborn_per_m2)).sum()
+        moving = np.bincount(plot, probability * table.moving(slot)[of], len(batch.time))
+        false = np.clip(1.0 - moving, 0.0, 1.0) if clutter.learnt is True else free
+        memory = memory.with_clutter(clutter, batch, false, period_s)
+        existence = free * unborn_per_m2 / (false_per_m2 + unborn_per_m2)
+        plots = np.flatnonzero(existence >= rules.least_existence(columns.probability, every_density)[0][radar])
+        if len(plots):
+            memory = begin_tracks(parts.bank, memory, plots, batch)
+            memory.table.existence[memory.table.live[-len(plots) :]] = existence[plots]
+        return memory, best
 
     def end_cycle(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
         """Merge tracks of one vessel."""
         return merge_duplicates(parts.existence, memory, parts.sensors.radars.period_s, time_s)
 
 
-class JipdaLiteral(Settings):
+class JipdaLiteral(Jipda):
     """As `jipda`, as printed: a plot of no track is clutter, equation (69), and only a plot in no gate begins a track.
 
     Of a paper, for comparison.
     """
 
-    upkeep: ClassVar[str] = "existence"
-    by_radar: ClassVar[bool] = True
-    method: Literal["jipda_literal"] = "jipda_literal"
-
-    def track_batch(self, parts: Parts, memory: RadarMemory, batch: PlotColumns) -> tuple[RadarMemory, Ints]:
-        """As of `Jipda`."""
-        return _weigh(parts, memory, batch, 0.0, _free_of_gates)
-
-    def end_cycle(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
-        """Merge tracks of one vessel."""
-        return merge_duplicates(parts.existence, memory, parts.sensors.radars.period_s, time_s)
-
-
-def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float, free_of: Free) -> tuple[RadarMemory, Ints]:
-    """As `Jipda.track_batch`. Args: unborn: weight of new vessels among the plots of no track; free_of: see `Free`."""
-    table, rules, clutter, radar = memory.table, parts.existence, parts.clutter, int(batch.sensor[0])
-    period_s = float(parts.sensors.radars.period_s[radar])
-    learn_turn(parts, memory, batch)
-    columns, every_density = rules.by_number(memory.rates, parts.sensors.radars)
-    detection = float(columns.probability[radar])
-    false_per_m2 = memory.false_plots_per_m2(clutter, batch, float(every_density[radar]))
-    unborn_per_m2 = rules.new_per_m2(columns.probability)[radar]
-    pairs, added = gated_by_plots(parts, table, batch)
-    due = (
-        batch.time[pairs.plot] - table.radar_s[pairs.track, radar] > 0.5 * period_s
-    )  # it took no plot of this radar in this look
-    hypotheses = parts.joint.predict_to_plots(table, Candidates(*(column[due] for column in pairs)), batch, added)
-    slot, plot, of = hypotheses.slot, hypotheses.plot, hypotheses.track
-    kernels.tracks.existence.predict_existence(
-        table.existing, slot, table.updated_s[slot], radar, period_s, columns, rules.chain
-    )
-    sought = (table.existence[slot] >= EXISTS) & (table.updated_s[slot] - table.radar_s[slot, radar] <= LATELY * period_s)
-    r, eta = table.existence[slot], table.visibility[slot]
-    missed = 1.0 - r * eta * detection
-    weight = (
-        (detection * eta * r / missed)[of]
-        * parts.joint.likelihood(table, hypotheses)
-        / (false_per_m2 + unborn * unborn_per_m2)[plot]
-    )
-    find = kernels.association.marginals.marginals
-    probability = find(plot, of, weight, len(batch.time), len(slot), rules.exact_up_to)
-    taken = np.minimum(np.bincount(of, probability, len(slot)), 1.0)
-    survived = (1.0 - taken) * r * (1.0 - eta * detection) / missed
-    exists = survived + taken
-    parts.joint.update_by_shares(table, hypotheses, probability / exists[of], batch, rules.least_model_probability)
-    table.existence[slot] = np.minimum(exists, SURELY)
-    table.visibility[slot] = (survived * (1.0 - detection) * eta / (1.0 - detection * eta) + taken) / exists
-    if rules.rates.learnt:
-        memory.rates.detections[radar] += taken[sought].sum()
-        memory.rates.looks[radar] += sought.sum()
-    table.looked_s[slot, radar] = table.updated_s[slot]
-    table.misses[slot] = 0
-    likely = np.flatnonzero(probability > LIKELY)
-    kernels.tracks.track_life.record(table.life, slot[of[likely]], plot[likely], batch)
-    table.note_moved(clutter, slot)
-    if memory.plots_alone.models:
-        plots_alone.update(
-            memory.plots_alone, table, hypotheses, probability / exists[of], likely, batch, rules.least_model_probability
-        )
-    best = np.full(len(batch.time), -1)
-    best[plot[likely]] = slot[of[likely]]
-    free = free_of(plot, probability, len(batch.time))
-    if rules.rates.learnt:
-        memory = memory.decided(clutter, parts.sensors.radars, batch, free)
-        memory.rates.false_plots[radar] += (free * false_per_m2 / (false_per_m2 + unborn_per_m2)).sum()
-    moving = np.bincount(plot, probability * table.moving(slot)[of], len(batch.time))
-    false = np.clip(1.0 - moving, 0.0, 1.0) if clutter.learnt is True else free
-    memory = memory.with_clutter(clutter, batch, false, period_s)
-    existence = free * unborn_per_m2 / (false_per_m2 + unborn_per_m2)
-    plots = np.flatnonzero(existence >= rules.least_existence(columns.probability, every_density)[0][radar])
-    if len(plots):
-        memory = begin_tracks(parts.bank, memory, plots, batch)
-        memory.table.existence[memory.table.live[-len(plots) :]] = existence[plots]
-    return memory, best
-
-
-def _free_probability(plot: Ints, probability: Floats, count: int) -> Floats:
-    free: Floats = np.maximum(1.0 - np.bincount(plot, probability, count), 0.0)
-    return free
-
-
-def _free_of_gates(plot: Ints, probability: Floats, count: int) -> Floats:
-    return np.where(np.bincount(plot, minlength=count) == 0, 1.0, 0.0)
+    literal: ClassVar[bool] = True
+    method: Literal["jipda_literal"] = "jipda_literal"  # type: ignore[assignment]
