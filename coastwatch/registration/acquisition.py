@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch.batches import Batch, Bools, Floats, Ints, Sensors, column
-from coastwatch.registration.evidence import Decision, decide, evidence, is_apart, log_evidence_at
+from coastwatch.registration.evidence import decide, evidence, is_apart, log_evidence_at
 from coastwatch.registration.reference_cells import Grid, ReferenceCells, counted
 
 SURE_SHARE = 0.99  # of the evidence of all biases, that the window of one that is taken has: rows and convoys repeat themselves
@@ -104,7 +104,9 @@ def _decide(
     best = decide(field, sigma)
     new.azimuth_rad[r], new.range_m[r], new.groups[r] = best.azimuth_rad, best.range_m, best.groups
     new.odds[r], new.rival_share[r] = np.exp(min(best.log_odds, MOST_LOG)), best.rival_share
-    significant = enough and _significant(best, rules)
+    # It is no chance, has no rival, and is no matter of one or two vessels.
+    sure = best.share >= SURE_SHARE and best.groups >= rules.least_voices
+    significant = enough and sure and bool(best.log_odds >= -np.log(rules.false_alarm))
     is_other = is_apart(best.azimuth_rad, applied_rad, sigma, rules.grid.step_rad)
     beaten = best.log_evidence - log_evidence_at(field, applied_rad) > -np.log(rules.false_alarm)
     new.doubtful[r] = bool(new.found[r]) and significant and is_other and not beaten
@@ -114,16 +116,5 @@ def _decide(
         new.found[r] = new.acquired[r] = True
         new.found_odds[r] = new.odds[r]
         new.centre[r, :2] = best.azimuth_rad, best.range_m
-    elif (
-        new.found[r]
-        and not is_other
-        and best.groups >= rules.least_voices
-        and best.share >= SURE_SHARE
-        and new.odds[r] > FIRM_ODDS
-    ):
+    elif new.found[r] and not is_other and sure and new.odds[r] > FIRM_ODDS:
         new.centre[r, :2] += CENTRE_GAIN * (np.array([best.azimuth_rad, best.range_m]) - new.centre[r, :2])
-
-
-def _significant(best: Decision, rules: Rules) -> bool:
-    """Whether a bias is no chance, has no rival and is no matter of one or two vessels."""
-    return bool(best.log_odds >= -np.log(rules.false_alarm) and best.share >= SURE_SHARE and best.groups >= rules.least_voices)

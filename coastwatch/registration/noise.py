@@ -14,7 +14,7 @@ from coastwatch import kernels
 from coastwatch.batches import Batch, Bools, Floats, Ints, Measurements, column
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.registration.inputs import RegistrationInput
-from coastwatch.registration.references import References
+from coastwatch.registration.references import References, summed_by_vessel
 
 LEAST_COUNT = 0.5  # plots: a vessel with less left of them is dropped
 LEAST_FREEDOM = 4.0  # plots of a vessel less one, from which its scatter counts
@@ -59,7 +59,10 @@ def scattered(
     residual = np.clip(residual, -OUTLIER * factor, OUTLIER * factor)
     sound = np.isfinite(residual).all(axis=1)
     new = PlotScatter(m.sensor, ais.track_id, np.ones(len(m)), residual, residual**2).take(sound)
-    return _summed(PlotScatter.join([old, new]))
+    every = PlotScatter.join([old, new])
+    sums = np.column_stack([every.count, every.residual, every.square])
+    radar, track_id, sums = summed_by_vessel(every.radar, every.track_id, sums)
+    return PlotScatter(radar, track_id, sums[:, 0], sums[:, 1:3], sums[:, 3:])
 
 
 def noise_factors(scatter: PlotScatter, radars: int, least_vessels: int) -> Floats:
@@ -103,12 +106,3 @@ def _plots_of_vessels(given: RegistrationInput, references: References, alarmed:
     of_plot = np.where((member >= 0) & (at >= 0), np.append(ais, -1)[at], -1)
     rows = np.flatnonzero(of_plot >= 0)
     return plots.take(rows), of_plot[rows]
-
-
-def _summed(parts: PlotScatter) -> PlotScatter:
-    """One row for each radar and vessel, summed in the order of the parts."""
-    ids, which = np.unique(parts.track_id, return_inverse=True)
-    key, group = np.unique(parts.radar * len(ids) + which, return_inverse=True)
-    sums = np.zeros((len(key), 5))
-    np.add.at(sums, group, np.column_stack([parts.count, parts.residual, parts.square]))
-    return PlotScatter(key // max(len(ids), 1), ids[key % max(len(ids), 1)], sums[:, 0], sums[:, 1:3], sums[:, 3:])

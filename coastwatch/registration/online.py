@@ -53,6 +53,22 @@ class OnlineMemory:
     scatter: PlotScatter
     quiet_s: Floats  # (R,) time without any residual
 
+    @classmethod
+    def of_radars(cls, radars: int, estimate: Estimate) -> OnlineMemory:
+        """The memory of so many radars before the first cycle. Args: estimate: of no information."""
+        return cls(
+            time_s=-np.inf,
+            references=References.empty(),
+            reference_cells=tuple(ReferenceCells.none() for _ in range(radars)),
+            acquisition=Acquisition.none(radars),
+            shares=EchoShares.empty(),
+            information=Information.empty(),
+            estimate=estimate,
+            waiting=WaitingPlots.empty(),
+            scatter=PlotScatter.empty(),
+            quiet_s=np.zeros(radars),
+        )
+
     def check_rows(self) -> None:
         """Check the numbers of radars, as after reading a checkpoint. Raises: ValueError that names the field."""
         for part in (self.references, self.shares, self.information, self.waiting, self.scatter):
@@ -101,25 +117,16 @@ class OnlineRegistration(Method):
 
     def init(self) -> OnlineMemory:
         none = np.zeros((0, 3))
-        return OnlineMemory(
-            time_s=-np.inf,
-            references=References.empty(),
-            reference_cells=(),
-            acquisition=Acquisition.none(0),
-            shares=EchoShares.empty(),
-            information=Information.empty(),
-            estimate=Estimate(none, none, np.zeros(0, np.int64), np.zeros(0)),
-            waiting=WaitingPlots.empty(),
-            scatter=PlotScatter.empty(),
-            quiet_s=np.zeros(0),
-        )
+        return OnlineMemory.of_radars(0, Estimate(none, none, np.zeros(0, np.int64), np.zeros(0)))
 
     def step(self, memory: OnlineMemory, given: RegistrationInput) -> tuple[OnlineMemory, RadarCorrections]:
         """The corrections of each radar for the reports of the next cycle."""
         sensors, corrections, time_s = given.sensors, given.corrections, given.time_s
         if not len(sensors.radars):
             return memory, corrections
-        memory = self._sized(memory, time_s, sensors)
+        if len(memory.acquisition) != len(sensors.radars):
+            estimate = self._solved(Information.empty(), Acquisition.none(len(sensors.radars)).centre, sensors)
+            memory = replace(OnlineMemory.of_radars(len(sensors.radars), estimate), time_s=memory.time_s)
         dt = time_s - memory.time_s if np.isfinite(memory.time_s) else 0.0
         measured = polar_measurements(given.plots, corrections, time_s)
         swept, alarmed = sweeps(measured, sensors), given.alarms.impossible_speed | given.alarms.twice
@@ -163,25 +170,6 @@ class OnlineRegistration(Method):
             time_s, references, reference_cells, acquisition, shares, information, estimate, waiting, scatter, quiet_s
         )
         return after, self._corrections(after, seen, swept, corrections, dt, sensors)
-
-    def _sized(self, memory: OnlineMemory, time_s: float, sensors: Sensors) -> OnlineMemory:
-        """This memory with one row for each radar of the scenario."""
-        n = len(sensors.radars)
-        if len(memory.acquisition) == n:
-            return memory
-        acquisition, information = Acquisition.none(n), Information.empty()
-        return OnlineMemory(
-            time_s=memory.time_s,
-            references=References.empty(),
-            reference_cells=tuple(ReferenceCells.none() for _ in range(n)),
-            acquisition=acquisition,
-            shares=EchoShares.empty(),
-            information=information,
-            estimate=self._solved(information, acquisition.centre, sensors),
-            waiting=WaitingPlots.empty(),
-            scatter=PlotScatter.empty(),
-            quiet_s=np.zeros(n),
-        )
 
     def _grid(self) -> Grid:
         """The biases that are searched, in bins."""

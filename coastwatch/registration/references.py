@@ -102,6 +102,18 @@ def _is_certain(row: Ints, tracks: Tracks) -> Bools:
     return certain
 
 
+def summed_by_vessel(radar: Ints, track_id: Ints, values: Floats) -> tuple[Ints, Ints, Floats]:
+    """One row for each radar and vessel, sorted by both: the sums of their rows, in the order of these.
+
+    Args: radar, track_id: (M,); values: (M, d). Returns: (N,), (N,), (N, d).
+    """
+    ids, which = np.unique(track_id, return_inverse=True)
+    key, group = np.unique(radar * len(ids) + which, return_inverse=True)
+    sums = np.zeros((len(key), values.shape[1]))
+    np.add.at(sums, group, values)
+    return key // max(len(ids), 1), ids[key % max(len(ids), 1)], sums
+
+
 def id_hash(track_id: Ints) -> NDArray[np.uint64]:
     """A number of each vessel that has nothing to do with where it is."""
     mixed = track_id.astype(np.uint64) * MIX

@@ -11,6 +11,7 @@ from coastwatch.batches import Batch, Floats, Ints, Tracks, column
 from coastwatch.registration.information import Equations, Estimate
 from coastwatch.registration.inputs import RegistrationInput
 from coastwatch.registration.polar import Pairs, PolarMeasurements
+from coastwatch.registration.references import summed_by_vessel
 
 GATE_SIGMAS, GATE_M = 4.0, 100.0  # half widths of the gate about the estimate: of the azimuth noise, and in range
 AZIMUTH_OFFSET = 0.2  # of the azimuth noise: standard deviation of what plots near one vessel have in common, wrong ones too
@@ -91,7 +92,10 @@ def plot_equations(
         ),
         weight=np.tile(probability, 2),
     )
-    return _with_pairs(shares, EchoShares(r, track_id, np.ones(n), probability)), equations
+    every = EchoShares.join([shares, EchoShares(r, track_id, np.ones(n), probability)])
+    sums = np.column_stack([every.pairs, every.echoes])
+    radar, track_id, sums = summed_by_vessel(every.radar, every.track_id, sums)
+    return EchoShares(radar, track_id, sums[:, 0], sums[:, 1]), equations
 
 
 def forgotten(shares: EchoShares, keep: Floats) -> EchoShares:
@@ -111,12 +115,3 @@ def _echo_share(shares: EchoShares, radar: Ints, track_id: Ints) -> Floats:
         pairs[asked[has_pairs]] = shares.pairs[mine[at[has_pairs]]]
         echoes[asked[has_pairs]] = shares.echoes[mine[at[has_pairs]]]
     return (echoes + PRIOR_ECHOES) / (pairs + PRIOR_PAIRS)
-
-
-def _with_pairs(shares: EchoShares, new: EchoShares) -> EchoShares:
-    """The sums of both, one row for each radar and vessel."""
-    joined = EchoShares.join([shares, new])
-    ids, which = np.unique(joined.track_id, return_inverse=True)
-    key, group = np.unique(joined.radar * len(ids) + which, return_inverse=True)
-    pairs, echoes = (np.bincount(group, v, len(key)).astype(np.float64) for v in (joined.pairs, joined.echoes))
-    return EchoShares(key // max(len(ids), 1), ids[key % max(len(ids), 1)], pairs, echoes)
