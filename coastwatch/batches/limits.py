@@ -5,15 +5,15 @@ Sources of reports say anything. Filters and kernels rest on finite numbers and 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
 from coastwatch.batches.reports import AisReports, BearingReports, HeadingReports, RadarReports, Reports, TrackReports
-from coastwatch.batches.struct import Batch
 from coastwatch.batches.video import RadarVideo, Videos
 from coastwatch.kernels.arrays import Bools, Floats
 
@@ -33,7 +33,15 @@ TIMES_S = 0.0, 8e9
 ASYMMETRY = 1e-6
 BEYOND = "beyond the bounds of its format: "
 Masks = Mapping[str, Bools]
-Of = TypeVar("Of", bound=Batch)
+
+
+class _Rows(Protocol):
+    """A batch, or the spokes of a video."""
+
+    def take(self, rows: Bools, /) -> Self: ...
+
+
+Of = TypeVar("Of", bound=_Rows)
 
 
 def radar_faults(radar: RadarReports) -> Masks:
@@ -91,11 +99,6 @@ def video_faults(video: RadarVideo) -> Masks:
     }
 
 
-FAULTS: Mapping[str, Callable[[Any], Masks]] = MappingProxyType(
-    {"radar": radar_faults, "bearing": bearing_faults, "ais": ais_faults, "tracks": track_faults, "headings": heading_faults}
-)
-"""By field of Reports."""
-
 KINDS: Mapping[type, Callable[[Any], Masks]] = MappingProxyType(
     {
         RadarReports: radar_faults,
@@ -108,7 +111,7 @@ KINDS: Mapping[type, Callable[[Any], Masks]] = MappingProxyType(
 
 
 def within(batch: Of, faults: Masks) -> tuple[Of, dict[str, Bools]]:
-    """The rows without a fault, and the faults that there are. Args: faults: (M,) each."""
+    """The rows or spokes without a fault, and the faults that there are. Args: faults: (M,) each."""
     found = {kind: mask for kind, mask in faults.items() if mask.any()}
     if not found:
         return batch, {}
@@ -118,22 +121,17 @@ def within(batch: Of, faults: Masks) -> tuple[Of, dict[str, Bools]]:
 def reports_within(reports: Reports) -> tuple[Reports, dict[str, int]]:
     """The reports within all bounds, and how many of the others there are, by kind."""
     kept: dict[str, Any] = {}
-    counts: dict[str, int] = {}
-    for name, faults in FAULTS.items():
+    counts: Counter[str] = Counter()
+    for name in ("radar", "bearing", "ais", "tracks", "headings"):
         batch = getattr(reports, name)
-        if not len(batch):
-            continue
-        kept[name], found = within(batch, faults(batch))
-        counts.update({f"{name}: {kind}": int(mask.sum()) for kind, mask in found.items()})
-    spokes = []
-    for video in reports.video.parts:
-        masks = {kind: mask for kind, mask in video_faults(video).items() if mask.any()}
-        spokes.append(video.take(~np.logical_or.reduce(list(masks.values()))) if masks else video)
-        for kind, mask in masks.items():
-            counts[f"video: {kind}"] = counts.get(f"video: {kind}", 0) + int(mask.sum())
-    if any(kind.startswith("video") for kind in counts):
-        kept["video"] = Videos(tuple(spokes))
-    return (replace(reports, **kept), counts) if counts else (reports, counts)
+        if len(batch):
+            kept[name], found = within(batch, KINDS[type(batch)](batch))
+            counts.update({f"{name}: {kind}": int(mask.sum()) for kind, mask in found.items()})
+    videos = [within(video, video_faults(video)) for video in reports.video.parts]
+    for _, found in videos:
+        counts.update({f"video: {kind}": int(mask.sum()) for kind, mask in found.items()})
+    kept["video"] = Videos(tuple(video for video, _ in videos))
+    return (replace(reports, **kept), dict(counts)) if counts else (reports, {})
 
 
 def are_sound(position_deg: Floats, covariance: Floats) -> Bools:
