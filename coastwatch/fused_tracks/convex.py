@@ -7,8 +7,7 @@ from typing import Literal
 from coastwatch import kernels
 from coastwatch.batches import FusedTracks
 from coastwatch.fused_tracks.inputs import FusionInput, FusionMethod
-from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
-from coastwatch.kernels.threads import in_blocks
+from coastwatch.fused_tracks.vessel_tracks import VesselTracks, estimated
 from coastwatch.stage import NoMemory, NotNegative, Positive
 
 
@@ -30,9 +29,6 @@ class Convex(FusionMethod):
 
     def step(self, memory: NoMemory, given: FusionInput) -> tuple[NoMemory, FusedTracks]:
         """One estimate a vessel: memory, and one row for each vessel number."""
-        vessels, tracks = VesselTracks.of(given.associations), TrackArrays.of(given.tracks)
-        out = Estimates.empty(vessels.vessel_count)
-        kernel = kernels.fusion.convex_combination.convex
-        sigma_m_s = self.unknown_velocity_sigma_m_s
-        in_blocks(kernel, vessels.vessel_count, vessels.start, vessels.row, tracks, sigma_m_s, self.registration, out)
+        vessels, kernel = VesselTracks.of(given.associations), kernels.fusion.convex_combination.convex
+        out = estimated(kernel, vessels, given.tracks, self.unknown_velocity_sigma_m_s, self.registration)
         return memory, out.at_time(given.time_s)

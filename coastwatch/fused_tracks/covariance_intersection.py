@@ -9,8 +9,7 @@ from pydantic import Field
 from coastwatch import kernels
 from coastwatch.batches import FusedTracks, Tracks
 from coastwatch.fused_tracks.inputs import FusionInput, FusionMethod
-from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
-from coastwatch.kernels.threads import in_blocks
+from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks, estimated
 from coastwatch.stage import NoMemory, Positive
 
 
@@ -38,7 +37,4 @@ def intersect(vessels: VesselTracks, tracks: Tracks, velocity_sigma_m_s: float, 
 
     Args: velocity_sigma_m_s: of tracks without covariance; steps: of the search of the weight.
     """
-    out = Estimates.empty(vessels.vessel_count)
-    kernel, arrays = kernels.fusion.covariance_intersection.intersection, TrackArrays.of(tracks)
-    in_blocks(kernel, vessels.vessel_count, vessels.start, vessels.row, arrays, velocity_sigma_m_s, steps, out)
-    return out
+    return estimated(kernels.fusion.covariance_intersection.intersection, vessels, tracks, velocity_sigma_m_s, steps)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Rows, Tracks
+from coastwatch.kernels.threads import in_blocks
 
 
 class VesselTracks(NamedTuple):
@@ -65,3 +67,15 @@ class TrackArrays(NamedTuple):
     @classmethod
     def of(cls, tracks: Tracks) -> TrackArrays:
         return cls(tracks.position_deg, tracks.velocity_m_s, tracks.covariance, tracks.report_covariance, tracks.mmsi)
+
+
+def estimated(
+    kernel: Callable[..., None], vessels: VesselTracks, tracks: Tracks, sigma_m_s: float, setting: object
+) -> Estimates:
+    """The estimates that a kernel of fusion makes of these vessels, over threads.
+
+    Args: sigma_m_s: of the velocity of tracks without covariance; setting: of the kernel.
+    """
+    out, arrays = Estimates.empty(vessels.vessel_count), TrackArrays.of(tracks)
+    in_blocks(kernel, vessels.vessel_count, vessels.start, vessels.row, arrays, sigma_m_s, setting, out)
+    return out

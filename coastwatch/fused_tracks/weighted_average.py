@@ -10,8 +10,7 @@ from pydantic import model_validator
 from coastwatch import kernels
 from coastwatch.batches import Floats, FusedTracks, Ints, SourceKind, Tracks
 from coastwatch.fused_tracks.inputs import FusionInput, FusionMethod
-from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
-from coastwatch.kernels.threads import in_blocks
+from coastwatch.fused_tracks.vessel_tracks import VesselTracks, estimated
 from coastwatch.stage import NoMemory, NotNegative, Positive
 
 
@@ -43,11 +42,9 @@ class WeightedAverage(FusionMethod):
 
     def step(self, memory: NoMemory, given: FusionInput) -> tuple[NoMemory, FusedTracks]:
         """One estimate a vessel: memory, and one row for each vessel number."""
-        vessels, tracks = VesselTracks.of(given.associations), TrackArrays.of(given.tracks)
-        out, sigma_m_s = Estimates.empty(vessels.vessel_count), self.unknown_velocity_sigma_m_s
+        vessels, kernel = VesselTracks.of(given.associations), kernels.fusion.weighted_mean.weighted_mean
         weight = self._weight(given.tracks, given.associations.vessel, given.kinds)
-        kernel = kernels.fusion.weighted_mean.weighted_mean
-        in_blocks(kernel, vessels.vessel_count, vessels.start, vessels.row, tracks, sigma_m_s, weight, out)
+        out = estimated(kernel, vessels, given.tracks, self.unknown_velocity_sigma_m_s, weight)
         return memory, out.at_time(given.time_s)
 
     def _weight(self, tracks: Tracks, vessel: Ints, kinds: Ints) -> Floats:
