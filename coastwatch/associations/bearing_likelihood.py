@@ -14,7 +14,6 @@ from coastwatch.associations.bearing_sensors import (
     OutsideDetections,
     SensorBias,
     ShipTypes,
-    arcs,
     class_log_odds,
     groups_by_octant,
 )
@@ -71,7 +70,9 @@ class PositionHistory:
         Of instants closer than `spacing_s` only the last one is kept, so that short cycles need no more memory than long ones.
         Args: ids: (M,) sorted; values: (M, 4). time_s: not before the last instant.
         """
-        before = self._without_newest() if self._newest_is_replaced(time_s, spacing_s) else self
+        newest_s = self.time_s[self.columns()[-2:]]
+        close = len(newest_s) == 2 and newest_s[1] - newest_s[0] < spacing_s
+        before = self._without_newest() if close or (len(newest_s) and newest_s[-1] >= time_s) else self
         before = before._with_room(time_s, window_s)
         there = np.flatnonzero(np.isfinite(values).all(axis=1))
         former = before.history.ids
@@ -81,11 +82,6 @@ class PositionHistory:
         instants = before.time_s.copy()
         instants[history.column] = time_s
         return PositionHistory(history, instants)
-
-    def _newest_is_replaced(self, time_s: float, spacing_s: float) -> bool:
-        instants = self.time_s[self.columns()[-2:]]
-        close = len(instants) == 2 and instants[1] - instants[0] < spacing_s
-        return bool(close or (len(instants) and instants[-1] >= time_s))
 
     def _without_newest(self) -> PositionHistory:
         """The history before its newest instant, whose column is written next."""
@@ -226,7 +222,6 @@ class BearingLikelihood(Method):
         """Pairs above the threshold: index into the octants, log odds, mean difference of bearings; sorted by index."""
         tracks, picture, octants, sensors = given.bearing_tracks, given.picture, given.octants, given.sensors
         sensor = tracks.source - sensors.sonar_source(0)
-        arc_from, arc_width = arcs(sensors)
         column, history = memory.positions.columns(), memory.positions.history
         slot, variance = np.full(len(picture), -1, np.int64), sensors.sonars.bearing_sigma_rad[sensor] ** 2
         vessel_row = np.unique(audible.vessel_row)
@@ -243,8 +238,8 @@ class BearingLikelihood(Method):
             "log_density": self._unknown_density(sensor, audible, sensors),
             "outside": memory.outside.probability(self.detection_probability)[sensor],
             "range": sensors.sonars.range_m[sensor],
-            "arc_from": arc_from[sensor],
-            "arc_width": arc_width[sensor],
+            "arc_from": np.radians(sensors.sonars.arc_from_deg)[sensor],
+            "arc_width": sensors.sonars.arc_width_rad[sensor],
             "bias": memory.bias.mean_rad[sensor],
             "bias_variance": memory.bias.sigma_rad[sensor] ** 2,
             "variance": np.where(np.isnan(tracks.window_variance), variance[:, None], tracks.window_variance),
@@ -277,7 +272,7 @@ class BearingLikelihood(Method):
         tracks = np.bincount(sensor, minlength=count)
         in_picture = self.detection_probability * np.bincount(audible.sensor[audible.inside], minlength=count)
         unknown = np.maximum(tracks - in_picture, np.maximum(self.unknown * tracks, 0.5))
-        return np.asarray(np.log(unknown / arcs(sensors)[1])[sensor])
+        return np.asarray(np.log(unknown / sensors.sonars.arc_width_rad)[sensor])
 
 
 def pair_probability(bearing_row: Ints, vessel: Ints, log_odds: Floats) -> Floats:

@@ -40,9 +40,9 @@ class AudiblePairs:
         newest_last = np.argsort(tracks.updated_s, kind="stable")
         site[tracks.source[newest_last] - sensors.sonar_source(0)] = tracks.site_deg[newest_last]
         east, north = to_plane(picture.position_deg[vessel_row], site[sensor]).T
-        arc_from, arc_width = arcs(sensors)
-        inside = np.hypot(east, north) <= sensors.sonars.range_m[sensor]
-        inside &= (np.arctan2(east, north) - arc_from[sensor]) % (2.0 * np.pi) <= arc_width[sensor]
+        arc_from, sonars = np.radians(sensors.sonars.arc_from_deg), sensors.sonars
+        inside = np.hypot(east, north) <= sonars.range_m[sensor]
+        inside &= (np.arctan2(east, north) - arc_from[sensor]) % (2.0 * np.pi) <= sonars.arc_width_rad[sensor]
         return AudiblePairs(sensor * len(picture) + vessel_row, len(picture), inside)
 
     @property
@@ -63,12 +63,6 @@ class AudiblePairs:
 def groups_by_octant(octants: Octants) -> Groups:
     """A group an octant that has pairs: the bearing tracks in it."""
     return Groups(*kernels.bearings.candidates.tracks_by_octant(octants.bearing_row, octants.octant))
-
-
-def arcs(sensors: Sensors) -> tuple[Floats, Floats]:
-    """Where the arc of each sensor begins, and its width, rad: 2 pi for one that hears all round. Returns: (K,) and (K,)."""
-    width = (sensors.sonars.arc_to_deg - sensors.sonars.arc_from_deg) % 360.0
-    return np.radians(sensors.sonars.arc_from_deg), np.radians(np.where(width == 0.0, 360.0, width))
 
 
 @dataclass(frozen=True, eq=False)

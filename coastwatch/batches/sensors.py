@@ -65,6 +65,12 @@ class Sonars(Batch):
     arc_from_deg: Floats = column(np.float64, "R")  # clockwise to arc_to_deg; 0 to 360 is all round
     arc_to_deg: Floats = column(np.float64, "R")
 
+    @property
+    def arc_width_rad(self) -> Floats:
+        """The width of the arc of each: 2 pi of one that hears all round. (R,)"""
+        width_deg = (self.arc_to_deg - self.arc_from_deg) % 360.0
+        return np.radians(np.where(width_deg == 0.0, 360.0, width_deg))
+
 
 @dataclass(frozen=True, eq=False)
 class TrackSources(Batch):

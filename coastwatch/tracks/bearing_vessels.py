@@ -65,7 +65,7 @@ def predicted_bearings(expected: ExpectedVessels, reports: BearingReports, senso
     )
     offset = offset + expected.velocity_m_s[row] * (time_s[of] - expected.time_s[row])[:, None]
     distance, direction = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), NEAREST_M), np.arctan2(offset[:, 0], offset[:, 1])
-    width = arc_width(sensors)[active]
+    width = sonars.arc_width_rad[active]
     inside = (distance <= sonars.range_m[active[of]]) & np.isfinite(direction)
     inside &= (direction - np.radians(sonars.arc_from_deg[active[of]])) % (2.0 * np.pi) <= width[of]
     position = expected.variance_m2[row]
@@ -84,15 +84,9 @@ def predicted_bearings(expected: ExpectedVessels, reports: BearingReports, senso
     return out.take(rows[np.lexsort((out.vessel_id[rows], sensor[rows]))])
 
 
-def arc_width(sensors: Sensors) -> Floats:
-    """The width of the arc of each sensor, rad: 2 pi for one that hears all round. (K,)"""
-    width = (sensors.sonars.arc_to_deg - sensors.sonars.arc_from_deg) % 360.0
-    return np.radians(np.where(width == 0.0, 360.0, width))
-
-
 def in_crowd(predicted: Predicted, gate_sigmas: float, crowd: float, sensors: Sensors) -> Predicted:
     """Those of sensors in whose gates are, on average, `crowd` expected vessels or more."""
-    a_radian = np.bincount(predicted.sensor, minlength=len(sensors.sonars)) / arc_width(sensors)
+    a_radian = np.bincount(predicted.sensor, minlength=len(sensors.sonars)) / sensors.sonars.arc_width_rad
     crowded = 2.0 * gate_sigmas * sensors.sonars.bearing_sigma_rad * a_radian >= crowd
     return predicted.take(crowded[predicted.sensor])
 
@@ -120,7 +114,7 @@ def chosen_pairs(
     inside = squared < gate_sigmas**2
     vessel, report, variance, squared = vessel[inside], report[inside], variance[inside], squared[inside]
     unknown = kernels.bearings.directions.unknown_density(
-        reports.sensor, bearing, predicted.sensor, predicted.bearing_rad, detection, arc_width(sensors)
+        reports.sensor, bearing, predicted.sensor, predicted.bearing_rad, detection, sensors.sonars.arc_width_rad
     )
     weight = detection / (1.0 - detection) * np.exp(-0.5 * squared) / (np.sqrt(2.0 * np.pi * variance) * unknown[report])
     probability = kernels.association.marginals.marginals(
