@@ -29,6 +29,7 @@ from coastwatch.plots.video.spokes import (
     in_decibels,
     masked,
     origin_of,
+    scale_of,
 )
 from coastwatch.stage import Count, Method, NotNegative, Positive, Share
 
@@ -81,7 +82,7 @@ class BlobExtraction(Method):
         for video in given.video.parts:
             radar = VideoRadar.of(given.sensors, video.sensor)
             before = pictures.get(video.sensor)
-            if before is None or _scale(before) != (*_scale_of(video), self.pixels):
+            if before is None or scale_of(before) != scale_of(video) or len(before.picture) != self.pixels:
                 before = _dark(video, self.pixels)
             pictures[video.sensor], found = self._painted(before, video, radar)
             plots += found
@@ -227,16 +228,6 @@ def _means(level: Array, averaged: int) -> Array:
         return level
     sums = np.cumsum(np.pad(level, ((0, 0), (1, 0))), axis=1, dtype=np.int32)
     return ((sums[:, averaged:] - sums[:, :-averaged] + averaged // 2) // averaged).astype(np.uint8)
-
-
-def _scale_of(video: RadarVideo) -> tuple[float, ...]:
-    """What stays the same while the picture of a radar is of use."""
-    return video.first_m, video.cell_m, video.bits, video.level.shape[1], video.vessel_m.shape[1]
-
-
-def _scale(m: PictureMemory) -> tuple[float, ...]:
-    """The same of a picture, and its pixels."""
-    return m.first_m, m.cell_m, m.bits, m.cells, m.vessel_m.shape[1], len(m.picture)
 
 
 def _dark(video: RadarVideo, pixels: int) -> PictureMemory:

@@ -168,7 +168,7 @@ def extracted(
         radar = VideoRadar.of(given.sensors, video.sensor)
         detection = detection_of(radar, video)
         spokes = radars.get(video.sensor)
-        if spokes is None or _scale(spokes) != _scale(video):
+        if spokes is None or scale_of(spokes) != scale_of(video):
             spokes = _no_spokes(video)
         for first in range(0, len(video), MOST_SPOKES):
             some = video.take(slice(first, first + MOST_SPOKES))
@@ -190,9 +190,10 @@ def extractions(given: ExtractionInput, plots: RadarReports, threshold_db: Calla
     )
 
 
-def _scale(of: SpokeMemory | RadarVideo) -> tuple[float, ...]:
+def scale_of(of: SpokeMemory | PictureMemory | RadarVideo) -> tuple[float, ...]:
     """What stays the same while the memory of a radar is of use."""
-    return of.first_m, of.cell_m, of.bits, of.level.shape[1], of.vessel_m.shape[1]
+    cells = of.cells if isinstance(of, PictureMemory) else of.level.shape[1]
+    return of.first_m, of.cell_m, of.bits, cells, of.vessel_m.shape[1]
 
 
 def _no_spokes(video: RadarVideo) -> SpokeMemory:
