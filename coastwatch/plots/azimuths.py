@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from coastwatch.batches import AzimuthReference, Floats, HeadingReports, Ints, Radars, RadarVideo, Reports, Videos
+from coastwatch.batches import AzimuthReference, Floats, HeadingReports, Ints, Radars, Reports, Videos
 
 OLDEST_S = 5.0
 """Between an echo and the heading that it is turned by; without one so near it is left out."""
@@ -46,14 +46,13 @@ def true_azimuths(memory: HeadingMemory, reports: Reports, radars: Radars) -> tu
 
 def true_video(radars: Radars, headings: HeadingReports, video: Videos) -> Videos:
     """Video with true azimuths, without the spokes of a ship that have no heading near their time."""
-    return Videos(tuple(_true_spokes(radars, headings, part) for part in video.parts))
-
-
-def _true_spokes(radars: Radars, headings: HeadingReports, video: RadarVideo) -> RadarVideo:
-    zero_rad = zero_azimuths(radars, headings, np.full(len(video), video.sensor), video.time_s)
-    if not zero_rad.any():
-        return video
-    return replace(video, azimuth_rad=(video.azimuth_rad + zero_rad) % TURN_RAD).take(np.isfinite(zero_rad))
+    parts = []
+    for part in video.parts:
+        zero_rad = zero_azimuths(radars, headings, np.full(len(part), part.sensor), part.time_s)
+        if zero_rad.any():
+            part = replace(part, azimuth_rad=(part.azimuth_rad + zero_rad) % TURN_RAD).take(np.isfinite(zero_rad))
+        parts.append(part)
+    return Videos(tuple(parts))
 
 
 def zero_azimuths(radars: Radars, headings: HeadingReports, radar: Ints, time_s: Floats) -> Floats:

@@ -47,8 +47,10 @@ class PolarConversion(Method):
         good = _usable(reports, len(radars))
         kept = reports if good.all() else reports.take(good)
         radar = kept.sensor
+        names = radars.name.tolist()
         lag_s, bias_m, bias_deg = (
-            _per_radar(by_name, sensors) for by_name in (self.time_lag_s, self.range_bias_m, self.azimuth_bias_deg)
+            np.array([by_name.get(name, 0.0) for name in names], float)
+            for by_name in (self.time_lag_s, self.range_bias_m, self.azimuth_bias_deg)
         )
         distance = np.maximum(kept.range_m - (bias_m + corrections.range_bias_m)[radar], 0.0)
         azimuth = np.radians(kept.azimuth_deg) - (np.radians(bias_deg) + corrections.azimuth_bias_rad)[radar]
@@ -107,8 +109,3 @@ def _usable(reports: RadarReports, radars: int) -> Bools:
     for numbers in (reports.time_s, reports.range_m, reports.azimuth_deg, reports.site_deg[:, 0], reports.site_deg[:, 1]):
         good &= np.isfinite(numbers)
     return good
-
-
-def _per_radar(by_name: dict[str, float], sensors: Sensors) -> Floats:
-    """The correction of each radar, 0 where none is named. (R,)"""
-    return np.array([by_name.get(name, 0.0) for name in sensors.radars.name.tolist()], float)

@@ -107,18 +107,15 @@ def _override(data: dict[str, object], key: str, text: str) -> None:
     *parents, last = key.split(".")
     here: dict[str, object] | list[object] = data
     for depth, part in enumerate(parents):
-        here = _step_into(here, part, ".".join(parents[: depth + 1]))
+        path = ".".join(parents[: depth + 1])
+        below = here[_index(here, part, path)] if isinstance(here, list) else here.setdefault(part, {})
+        if not isinstance(below, dict | list):
+            raise ScenarioError(f"--set {path}: got {below!r} there, needed a table")
+        here = below
     if isinstance(here, list):
         here[_index(here, last, key)] = value
     else:
         here[last] = value
-
-
-def _step_into(here: dict[str, object] | list[object], part: str, path: str) -> dict[str, object] | list[object]:
-    value = here[_index(here, part, path)] if isinstance(here, list) else here.setdefault(part, {})
-    if not isinstance(value, dict | list):
-        raise ScenarioError(f"--set {path}: got {value!r} there, needed a table")
-    return value
 
 
 def _index(items: list[object], part: str, path: str) -> int:

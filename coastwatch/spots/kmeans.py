@@ -53,10 +53,11 @@ class KMeansSpots(Method):
         if len(tracks) == 0:
             none = np.zeros(0, np.int64)
             return memory, Spots(np.zeros((0, 3)), none, none, none)
-        if (tracks.source == tracks.source[0]).all():
-            return self.init(), _one_spot(tracks)
-        count, centre, age = self._spots_for(len(tracks), len(memory.centre_m)), memory.centre_m, memory.age + 1
         position = kernels.geometry.ellipsoid.ecef_of_rows(tracks.position_deg, np.arange(len(tracks)))
+        if (tracks.source == tracks.source[0]).all():  # tracks of one source are never compared with each other
+            none = np.zeros(0, np.int64)
+            return self.init(), Spots(position.mean(axis=0, keepdims=True), np.zeros(len(tracks), np.int64), none, none)
+        count, centre, age = self._spots_for(len(tracks), len(memory.centre_m)), memory.centre_m, memory.age + 1
         if len(centre) != count:
             centre, age = self._fitted(position, tracks.track_id, count, None), 0
         elif age >= self.fit_every:
@@ -101,13 +102,6 @@ class KMeansSpots(Method):
             warnings.simplefilter("ignore")  # fewer different positions than spots, or not converged: neither matters
             fitted: Floats = fit.fit(sample).cluster_centers_
         return fitted
-
-
-def _one_spot(tracks: Tracks) -> Spots:
-    """All tracks in one spot: those of one source are never compared with each other."""
-    none, row = np.zeros(0, np.int64), np.arange(len(tracks))
-    centre = kernels.geometry.ellipsoid.ecef_of_rows(tracks.position_deg, row).mean(axis=0, keepdims=True)
-    return Spots(centre, np.zeros(len(tracks), np.int64), none, none)
 
 
 def assigned(position: Floats, guess: Ints, centre: Floats, halo_m: float) -> tuple[Ints, Ints, Ints]:

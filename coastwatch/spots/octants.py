@@ -56,8 +56,11 @@ class OctantSpots(Method):
         self, sensor: Ints, tracks: BearingTracks, picture: Picture, sensors: Sensors
     ) -> tuple[Ints, Ints, Floats]:
         """Where each octant begins, the rows of the vessels in it, and their directions from its middle."""
-        active, newest = _newest_of_each(sensor, tracks.updated_s)
-        range_m, tolerance_m = sensors.sonars.range_m[active] * self.range_margin, self._tolerance_m(picture.covariance)
+        order, active = np.lexsort((tracks.updated_s, sensor)), np.unique(sensor)
+        newest = order[np.searchsorted(sensor[order], active, side="right") - 1]  # its track has the position of the sensor
+        covariance = picture.covariance
+        sigma_m: Floats = np.sqrt(np.nan_to_num(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1])))  # 0 without a covariance
+        range_m, tolerance_m = sensors.sonars.range_m[active] * self.range_margin, self.position_sigmas * sigma_m
         row, site, offset = kernels.geometry.sensor_coverage.pairs_in_range(
             tracks.site_deg[newest], range_m, picture.position_deg, tolerance_m
         )
@@ -67,15 +70,3 @@ class OctantSpots(Method):
             np.degrees(direction), tolerance_deg, active[site], row, len(sensors.sonars)
         )
         return rows
-
-    def _tolerance_m(self, covariance: Floats) -> Floats:
-        """`position_sigmas` standard deviations of each position, 0 without a covariance. Args: covariance: (V, 4, 4). Returns: (V,)."""
-        sigma: Floats = np.sqrt(np.nan_to_num(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1])))
-        return self.position_sigmas * sigma
-
-
-def _newest_of_each(sensor: Ints, updated_s: Floats) -> tuple[Ints, Ints]:
-    """The sensors that have tracks, sorted, and the row of the newest track of each, which has the sensor's position."""
-    order = np.lexsort((updated_s, sensor))
-    active = np.unique(sensor)
-    return active, order[np.searchsorted(sensor[order], active, side="right") - 1]
