@@ -8,9 +8,8 @@ from typing import Literal
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Ints, Messages
+from coastwatch.batches import Messages
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.kernels.tracks.columns import PlotColumns
 from coastwatch.tracks.radar.messages.settings import MessageSettings
 from coastwatch.tracks.radar.messages.weighing import columns_of, near, take_at_once
 from coastwatch.tracks.radar.parts import Parts
@@ -27,17 +26,16 @@ class Sequential(MessageSettings):
 
     def take(self, parts: Parts, memory: RadarMemory, messages: Messages, until_s: float) -> RadarMemory:
         """The memory after these messages. Messages whose gates have no track in common are taken together."""
-        order = rounds(parts, self, memory.table, columns_of(messages), messages.mmsi)
-        for number in range(int(order.max(initial=-1)) + 1):
-            rows = np.flatnonzero(order == number)
-            memory = take_at_once(parts, self, memory, messages.take(rows))
+        for some in rounds(parts, self, memory.table, messages):
+            memory = take_at_once(parts, self, memory, some)
         return memory
 
 
-def rounds(parts: Parts, rules: MessageSettings, table: Table, batch: PlotColumns, mmsi: Ints) -> Ints:
-    """The round in which each message is taken: later than those before it that share a track or an id with it. (M,)"""
-    pairs, count = near(parts, table, batch), len(mmsi)
-    ids, name = np.unique(mmsi, return_inverse=True)
+def rounds(parts: Parts, rules: MessageSettings, table: Table, messages: Messages) -> list[Messages]:
+    """The messages that are taken at once, in turn: each later than those before it that share a track or an id with it."""
+    batch, count = columns_of(messages), len(messages)
+    pairs = near(parts, table, batch)
+    ids, name = np.unique(messages.mmsi, return_inverse=True)
     reach_m = parts.existence.max_speed_kn * KNOT_M_S * float(np.ptp(batch.time))
     reach_m += math.sqrt(2.0 * rules.limit * float(batch.covariance.max()))
     from scipy.spatial import cKDTree  # slow to import, and few runs use it
@@ -47,5 +45,5 @@ def rounds(parts: Parts, rules: MessageSettings, table: Table, batch: PlotColumn
     node = np.concatenate([len(ids) + pairs.track, name])
     order, by_later = np.argsort(message, kind="stable"), np.lexsort(close.T)
     find = kernels.tracks.message_clusters.rounds
-    out: Ints = find(count, message[order], node[order], len(ids) + len(table.track_id), close[by_later].astype(np.int64))
-    return out
+    turn = find(count, message[order], node[order], len(ids) + len(table.track_id), close[by_later].astype(np.int64))
+    return [messages.take(np.flatnonzero(turn == number)) for number in range(int(turn.max(initial=-1)) + 1)]

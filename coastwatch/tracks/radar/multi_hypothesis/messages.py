@@ -53,9 +53,8 @@ class Heard(NamedTuple):
 
 def take_messages(pruning: Pruning, parts: Parts, rules: Sequential, memory: RadarMemory, messages: Messages) -> RadarMemory:
     """The memory after these messages. Messages whose gates have no track in common are taken together."""
-    order = rounds(parts, rules, memory.table, columns_of(messages), messages.mmsi)
-    for number in range(int(order.max(initial=-1)) + 1):
-        memory = _take_round(pruning, parts, rules, memory, messages.take(np.flatnonzero(order == number)))
+    for some in rounds(parts, rules, memory.table, messages):
+        memory = _take_round(pruning, parts, rules, memory, some)
     return memory
 
 

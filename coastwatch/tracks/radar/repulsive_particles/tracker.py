@@ -211,6 +211,7 @@ class RepulsiveParticles(RadarMethod):
     def _begun(self, memory: ParticlesMemory, window: Window, radar: int, plots: Plots, period_s: float) -> ParticlesMemory:
         """The memory with as many searches as there may be, at plots of this cycle that are bright and nobody's."""
         site_m, n = memory.site_m[radar], self.particles
+        reach_m = float(window.first_m + window.cell_m * window.half_db.shape[1])  # the far edge of the video
         bright = np.zeros(len(plots))
         for k, (time_s, position) in enumerate(zip(plots.time_s.tolist(), plots.position_m, strict=True)):
             angle = float(np.interp(time_s, window.time_s, window.angle))
@@ -222,7 +223,7 @@ class RepulsiveParticles(RadarMethod):
             random = np.random.default_rng([self.seed, STARTS, memory.next_filter])
             x = np.empty((n, 4))
             if self.start == "uniform":
-                every, away = random.uniform(-np.pi, np.pi, n), np.sqrt(random.random(n)) * self._reach(window)
+                every, away = random.uniform(-np.pi, np.pi, n), np.sqrt(random.random(n)) * reach_m
                 x[:, :2] = site_m + away[:, None] * np.column_stack([np.sin(every), np.cos(every)])
                 time_s, origin = float(window.time_s[-1]), -1
                 looked_s = time_s - 0.25 * period_s
@@ -255,10 +256,6 @@ class RepulsiveParticles(RadarMethod):
             )
             memory = replace(memory, filters=Particles.join([f, new]), next_filter=memory.next_filter + 1)
         return memory
-
-    def _reach(self, window: Window) -> float:
-        """The far edge of the video."""
-        return float(window.first_m + window.cell_m * window.half_db.shape[1])
 
     def _reported(self, memory: ParticlesMemory, given: RegionInput) -> Tracks:
         """The acquired filters, moved to the end of the cycle."""
