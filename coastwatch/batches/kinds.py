@@ -25,9 +25,6 @@ class Subject(StrEnum):
     SOURCE = "track source"  # from 1 on
 
 
-OF_SENSORS = (Subject.STATION, Subject.RADAR, Subject.SOURCE)
-"""Subjects of alarms that are of no vessel."""
-
 STATUS = "{tracks}{status}"
 SILENT = "{sensor} is silent: no {report} for {interval_s:.0f} s{habit}{reach}; no flag and no loss follows from its silence"
 

@@ -9,9 +9,7 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import (
-    Array,
     Batch,
-    Bools,
     Floats,
     Ints,
     Plots,
@@ -138,11 +136,3 @@ def pair_with_vessels(
     centre, reach = search.centre[vessel], search.reach[vessel]
     close = (np.abs(pairs.range_m - centre[:, 0]) <= reach[:, 0]) & (np.abs(pairs.azimuth_rad - centre[:, 1]) <= reach[:, 1])
     return pairs.take(close & (pairs.distance_m <= sensors.radars.range_m[radar] + reach[:, 0]))
-
-
-def is_only_one(key: Array, rows: Bools) -> Bools:
-    """Which of the asked rows have a key that no other of them has. Args: key: (A,); rows: (A,) those asked. Returns: (A,)."""
-    _, key_of_row, count = np.unique(key[rows], return_inverse=True, return_counts=True)
-    is_only = np.zeros(len(key), np.bool_)
-    is_only[rows] = count[key_of_row] == 1
-    return is_only

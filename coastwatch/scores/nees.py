@@ -30,16 +30,3 @@ def band(count: int, dimension: int, level: float) -> tuple[float, float]:
     shape = 0.5 * count * dimension
     low, high = (2.0 / count * float(inverse(shape, 0.5 * level)) for inverse in (gammaincinv, gammainccinv))
     return low, high
-
-
-def mean_of_runs(values: Floats) -> tuple[float, float]:
-    """Mean over runs, and the half-width of its 95 % interval from the scatter between runs.
-
-    The chi-square band of `band` takes all errors for independent. Errors of successive instants are not, so it is too narrow.
-    Args: values: (R,) ANEES of each run, R >= 2.
-    """
-    from scipy.special import stdtrit  # here: as in `band`
-
-    count = len(values)
-    half = float(stdtrit(count - 1, 0.975)) * float(np.std(values, ddof=1)) / count**0.5
-    return float(np.mean(values)), half

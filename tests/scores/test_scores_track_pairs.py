@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from coastwatch.batches import Associations, Tracks, Truth
 from coastwatch.geodesy import offset_deg
-from coastwatch.scores.nees import mean_of_runs
 from coastwatch.scores.ospa import ospa2
 from coastwatch.scores.track_pairs import PairScores, TruePairs
 
@@ -76,10 +74,3 @@ def test_ospa2_is_that_by_hand():
     )
     assert ospa2(np.zeros((0, 3, 2)), true, 100.0, 2.0) == 100.0
     assert ospa2(np.full((2, 3, 2), np.nan), np.zeros((0, 3, 2)), 100.0, 2.0) == 0.0
-
-
-def test_the_interval_of_runs_is_students():
-    values = np.array([3.9, 4.1, 4.4, 3.8])
-    mean, half = mean_of_runs(values)
-    low, high = stats.t.interval(0.95, 3, loc=values.mean(), scale=stats.sem(values))
-    assert (mean - half, mean + half) == pytest.approx((low, high))
