@@ -17,6 +17,7 @@ from coastwatch.errors import InputError
 from coastwatch.formats.asterix.decoder import nearest_s
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.sensors.recorded.files import existing_path
+from coastwatch.sensors.recorded.video.pictures import radar_number
 from coastwatch.stage import Settings
 
 SETS = ("tod", "az1", "az2", "r1", "r2", "amp")
@@ -43,10 +44,7 @@ class HaxrStream:
     def __init__(self, settings: HaxrFile, radars: Radars, tally: Tally) -> None:
         """Raises: OSError, InputError that names the file."""
         path = existing_path(settings.file)
-        names = [str(name) for name in radars.name]
-        if settings.radar not in names and (settings.radar or len(names) != 1):
-            raise InputError(f"{path}: got radar {settings.radar!r}, needed one of {', '.join(names) or 'none'} as its radar")
-        self._radar, self._name, self._tally = names.index(settings.radar) if settings.radar else 0, path.name, tally
+        self._radar, self._name, self._tally = radar_number(path, radars, settings.radar, "its radar"), path.name, tally
         self._sets, self._count = _sets_of(path)
         self._site_deg, self._range_m = radars.site_deg[self._radar], float(radars.range_m[self._radar])
         self._day_s = datetime.combine(settings.day, datetime.min.time(), UTC).timestamp()

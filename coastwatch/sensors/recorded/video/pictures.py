@@ -51,6 +51,14 @@ class Pictures(Settings):
     spokes: Annotated[int, Field(ge=8, le=16_384)] = 1024  # whole number in a turn
 
 
+def radar_number(path: Path, radars: Radars, name: str, what: str) -> int:
+    """The number of the radar that a file is of. A single radar needs no name. Raises: InputError that names the file."""
+    names = [str(known) for known in radars.name]
+    if name not in names and (name or len(names) != 1):
+        raise InputError(f"{path}: got radar {name!r}, needed one of {', '.join(names) or 'none'} as {what}")
+    return names.index(name) if name else 0
+
+
 class PictureStream:
     """The video of the pictures of one table, one picture at a time."""
 
@@ -58,12 +66,7 @@ class PictureStream:
         """Raises: InputError that names the table."""
         self._settings, self._tally = settings, tally
         path = existing_path(settings.table)
-        names = [str(name) for name in radars.name]
-        if settings.radar not in names and (settings.radar or len(names) != 1):
-            raise InputError(
-                f"{path}: got radar {settings.radar!r}, needed one of {', '.join(names) or 'none'} as radar of input.pictures"
-            )
-        self._radar = names.index(settings.radar) if settings.radar else 0
+        self._radar = radar_number(path, radars, settings.radar, "radar of input.pictures")
         if radars.azimuth_reference[self._radar] == AzimuthReference.HEADING:
             raise InputError(
                 f"{path}: got a radar of azimuth_reference 'heading', needed another one: pictures have a heading each, with head_up"
