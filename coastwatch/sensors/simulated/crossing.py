@@ -13,7 +13,7 @@ from pydantic import Field
 
 from coastwatch.batches import AisReports, Floats, RadarReports, Recording, Reports, Sensors, Trajectories
 from coastwatch.geodesy import KNOT_M_S, from_plane
-from coastwatch.sensors.simulated.radar import require_usable_radars
+from coastwatch.sensors.simulated.radar import plots_of_positions, require_usable_radars
 from coastwatch.stage import Count, Method, NotNegative, Plan, Positive, Share
 
 MOTION, DETECTION, CLUTTER, AIS = 61, 62, 63, 64  # streams of random numbers
@@ -138,16 +138,8 @@ class Crossing(Method):
             origin.append(np.concatenate([np.flatnonzero(seen), np.full(false, -1)]))
             draw = rng.random(self.count)
             visible = np.where(visible, draw >= self.hide_share, draw < self.show_share)
-        every, when = np.concatenate(place), np.concatenate(time)
-        return RadarReports(
-            sensor=np.zeros(len(when), np.int64),
-            time_s=when,
-            received_s=when,
-            range_m=np.hypot(*every.T),
-            azimuth_deg=np.degrees(np.arctan2(every[:, 0], every[:, 1])) % 360.0,
-            site_deg=np.tile(radars.site_deg[0], (len(when), 1)),
-            origin=np.concatenate(origin).astype(np.int64),
-        )
+        of = np.concatenate(origin).astype(np.int64)
+        return plots_of_positions(np.concatenate(place), np.concatenate(time), of, radars.site_deg[0])
 
     def _measured(self, place: Floats, range_sigma_m: float, azimuth_sigma_rad: float, rng: np.random.Generator) -> Floats:
         """Positions with the noise of the echo's place, and of range and azimuth, which vanishes at the radar. (M, 2)"""

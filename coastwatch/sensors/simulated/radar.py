@@ -112,6 +112,19 @@ def interpolated(trajectories: Trajectories) -> PositionAt:
     return position_at
 
 
+def plots_of_positions(position_m: Floats, time_s: Floats, origin: Ints, site_deg: Floats) -> RadarReports:
+    """The plots of the first radar at positions east and north of it, as they come. Args: (M, 2), (M,), (M,), (2,)."""
+    return RadarReports(
+        sensor=np.zeros(len(time_s), np.int64),
+        time_s=time_s,
+        received_s=time_s,
+        range_m=np.hypot(*position_m.T),
+        azimuth_deg=np.degrees(np.arctan2(position_m[:, 0], position_m[:, 1])) % 360.0,
+        site_deg=np.tile(site_deg, (len(time_s), 1)),
+        origin=origin,
+    )
+
+
 def require_usable_radars(radars: Radars, method: str, least: int = 1) -> None:
     """Raises: InputError: there are too few radars for a simulation, or one counts azimuths from elsewhere than true north.
 

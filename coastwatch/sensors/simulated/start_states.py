@@ -16,7 +16,7 @@ from coastwatch.batches.ais_codes import PositionAccuracy
 from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, from_plane
 from coastwatch.sensors.simulated.ais import itu_interval_s
-from coastwatch.sensors.simulated.radar import Burst, require_usable_radars
+from coastwatch.sensors.simulated.radar import Burst, plots_of_positions, require_usable_radars
 from coastwatch.stage import CountOrZero, Method, NotNegative, Plan, Positive, Share
 
 DETECTION, CLUTTER, AIS, BEFORE = 71, 72, 73, 74  # streams of random numbers
@@ -125,16 +125,7 @@ class StartStates(Method):
             place.append(every[clear])
             origin.append(of[clear])
             time.append(np.full(int(clear.sum()), first_s + look * LOOK_S))
-        every, when = np.concatenate(place), np.concatenate(time)
-        return RadarReports(
-            sensor=np.zeros(len(when), np.int64),
-            time_s=when,
-            received_s=when,
-            range_m=np.hypot(*every.T),
-            azimuth_deg=np.degrees(np.arctan2(every[:, 0], every[:, 1])) % 360.0,
-            site_deg=np.tile(site_deg, (len(when), 1)),
-            origin=np.concatenate(origin),
-        )
+        return plots_of_positions(np.concatenate(place), np.concatenate(time), np.concatenate(origin), site_deg)
 
     def _messages(self, path: Floats, seed: int, first_s: float, site_deg: Floats, reach_m: float) -> AisReports:
         rng, class_b, (who, step) = np.random.default_rng([seed, AIS]), self.class_b(), self._sent(path)

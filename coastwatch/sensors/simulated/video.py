@@ -7,7 +7,7 @@ set here.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Literal, NamedTuple, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -157,11 +157,6 @@ def _way(ship: Ship, span_s: float) -> list[tuple[float, float]]:
     return way
 
 
-class _Turn(NamedTuple):
-    radar: int
-    number: int
-
-
 class VideoStream:
     """The video of simulated radars, one turn after the other. The first turn of each begins with the run."""
 
@@ -187,7 +182,7 @@ class VideoStream:
         for radar, period_s in enumerate(self._sensors.radars.period_s.tolist()):
             first = max(int((max(after_s, start_s) - start_s) // period_s), 0)
             end = int((min(until_s, stop_s) - start_s) // period_s) + 1
-            turns = (self._turn(_Turn(radar, number)) for number in range(first, end))
+            turns = (self._turn(radar, number) for number in range(first, end))
             parts.append(Videos(tuple(turns)).between(after_s, min(until_s, stop_s)))
         return Reports.merged([self._others.between(after_s, until_s), *(Reports(video=part) for part in parts)])
 
@@ -203,19 +198,19 @@ class VideoStream:
         """As `ReportStream.contents`."""
         return ()
 
-    def _turn(self, turn: _Turn) -> RadarVideo:
+    def _turn(self, radar: int, number: int) -> RadarVideo:
         """The video of one turn of a radar; the newest one is kept, as cycles may end in mid-turn."""
-        number, video = self._newest.get(turn.radar, (-1, None))
-        if video is None or number != turn.number:
-            video = self._simulated(turn)
-            self._newest[turn.radar] = turn.number, video
+        newest, video = self._newest.get(radar, (-1, None))
+        if video is None or newest != number:
+            video = self._simulated(radar, number)
+            self._newest[radar] = number, video
         return video
 
-    def _simulated(self, turn: _Turn) -> RadarVideo:
-        s, radars, disc = self._settings, self._sensors.radars, self._discs[turn.radar]
-        rng = np.random.default_rng([self._seed, VIDEO, turn.radar, turn.number])
-        site_deg, period_s = radars.site_deg[turn.radar], float(radars.period_s[turn.radar])
-        begun_s = self._span_s[0] + turn.number * period_s
+    def _simulated(self, radar: int, number: int) -> RadarVideo:
+        s, radars, disc = self._settings, self._sensors.radars, self._discs[radar]
+        rng = np.random.default_rng([self._seed, VIDEO, radar, number])
+        site_deg, period_s = radars.site_deg[radar], float(radars.period_s[radar])
+        begun_s = self._span_s[0] + number * period_s
         hulls = self._hulls(site_deg, begun_s, period_s)
         power = background(disc, s.power, rng)
         add_ships(power, disc, hulls, s.power, rng)
@@ -224,14 +219,14 @@ class VideoStream:
             azimuth = azimuth + np.radians(s.jitter_deg) * rng.uniform(-1.0, 1.0, s.spokes)
         time_s = begun_s + disc.azimuth / TURN_RAD * period_s
         video = RadarVideo(
-            sensor=turn.radar,
+            sensor=radar,
             first_m=0.0,
             cell_m=disc.cell_m,
             time_s=time_s,
             received_s=time_s,
             azimuth_rad=azimuth % TURN_RAD,
             site_deg=np.tile(site_deg, (s.spokes, 1)),
-            level=_levels(power, float(radars.db_per_level[turn.radar])),
+            level=_levels(power, float(radars.db_per_level[radar])),
             vessel_m=_ranges(disc, hulls),
         )
         return video.take(rng.random(s.spokes) >= s.lost_share) if s.lost_share else video
