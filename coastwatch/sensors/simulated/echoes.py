@@ -112,7 +112,7 @@ def _add_ship(out: Array, disc: Disc, hulls: Hulls, ship: int, power: Power, rng
     aspect = END_ON + BROADSIDE * abs(np.sin(heading - towards))
     gain = 10.0 ** (power.ship_db / 10.0) * (SHIP_M / middle_m) ** 4 * length / SHIP_LENGTH_M * aspect
     field = np.sqrt(0.5 * gain / count) * (rng.standard_normal(count) + 1j * rng.standard_normal(count))
-    field = field * _shadow(disc, hulls, ship, distance, azimuth, power)
+    field = field * _shadow(hulls, ship, distance, azimuth, power)
     step = TURN_RAD / len(disc.azimuth)
     wide = int(np.ceil((SIDE_LOBES * disc.beam_rad + length / middle_m) / step))
     rows = np.unique((int(towards % TURN_RAD / step) + np.arange(-wide, wide + 1)) % len(disc.azimuth))
@@ -128,7 +128,7 @@ def _add_ship(out: Array, disc: Disc, hulls: Hulls, ship: int, power: Power, rng
     out[rows, first:end] = np.abs(np.sqrt(former) * phase + (beam * field) @ pulse.T) ** 2
 
 
-def _shadow(disc: Disc, hulls: Hulls, ship: int, distance: Floats, azimuth: Floats, power: Power) -> Floats:
+def _shadow(hulls: Hulls, ship: int, distance: Floats, azimuth: Floats, power: Power) -> Floats:
     """The share of the field that nearer hulls leave of each scatterer."""
     out = np.ones(len(distance))
     for other in range(len(hulls.length_m)):
