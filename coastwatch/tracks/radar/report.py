@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import ID_STRIDE, DecidedPath, Floats, Ints, Measurements, Plots, Sensors, Tracks
+from coastwatch.batches.struct import Batch, column, optional_column
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.tracks.radar.extent import Echoes, echoes_of
 from coastwatch.tracks.radar.leaves import Decided
 
 
-class Reported(NamedTuple):
-    """What a region says of its tracks beside their estimates. Columns: (N,)"""
+@dataclass(frozen=True, eq=False)
+class Reported(Batch):
+    """What a region says of its tracks beside their estimates."""
 
-    number: Ints  # within the region, increasing
-    updated_s: Floats  # newest plot or message
-    started_s: Floats
-    origin: Ints
-    held_mmsi: Ints  # -1: none
-    existence: Floats  # NaN: not estimated
-    extent: Floats  # (N, 3) mean second moments of the echoes, m2 in the plane; NaN: not known
-    beam_m: Floats  # width of the beam at the track; NaN: not known
-    alternative_m: Floats  # NaN: sure
+    number: Ints = column(np.int64, "N")  # within the region, increasing
+    updated_s: Floats = column(np.float64, "N")  # newest plot or message
+    started_s: Floats = column(np.float64, "N")
+    origin: Ints = column(np.int64, "N")
+    held_mmsi: Ints = optional_column("N", dtype=np.int64)  # -1: none
+    existence: Floats = optional_column("N")  # NaN: not estimated
+    extent: Floats = optional_column("N", 3)  # mean second moments of the echoes, m2 in the plane; NaN: not known
+    beam_m: Floats = optional_column("N")  # width of the beam at the track; NaN: not known
+    alternative_m: Floats = optional_column("N")  # NaN: sure
 
 
 def report(now: Estimates, reported: Reported, radars: RadarColumns, time_s: float, sensors: Sensors, region: int) -> Tracks:

@@ -135,11 +135,6 @@ class ImmJpdaLiteral(RadarMethod):
             updated_s=confirmed.hit_s.max(axis=1, initial=-np.inf),
             started_s=confirmed.started_s,
             origin=kernels.tracks.report.most_frequent_origins(confirmed.origins, np.minimum(confirmed.plots, NEWEST), every),
-            held_mmsi=np.full(len(confirmed), -1),
-            existence=np.full(len(confirmed), np.nan),
-            extent=np.full((len(confirmed), 3), np.nan),
-            beam_m=np.full(len(confirmed), np.nan),
-            alternative_m=np.full(len(confirmed), np.nan),
         )
         now = Estimates(np.full(len(confirmed), time_s), mean, covariance, np.zeros(len(confirmed)))
         tracks = report(now, said, columns, time_s, sensors, region)

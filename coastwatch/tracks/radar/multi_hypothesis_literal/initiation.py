@@ -96,7 +96,7 @@ def begin(
 
 
 def _predicted(tracks: Preliminary, elapsed_s: float, noise: float) -> Preliminary:
-    move = _transition(elapsed_s)
+    move = transition(elapsed_s)
     return Preliminary(
         tracks.state @ move.T,
         move @ tracks.covariance @ move.T + process_noise(elapsed_s, noise),
@@ -106,7 +106,8 @@ def _predicted(tracks: Preliminary, elapsed_s: float, noise: float) -> Prelimina
     )
 
 
-def _transition(elapsed_s: float) -> Floats:
+def transition(elapsed_s: float) -> Floats:
+    """States of constant velocity after a time. (4, 4)"""
     return np.eye(4) + elapsed_s * np.eye(4, k=2)
 
 
@@ -115,7 +116,7 @@ def _with_reports(tracks: Preliminary, reports: LookReports, noise: float) -> Pr
     new = np.flatnonzero(~np.isin(reports.mmsi, tracks.mmsi))
     if not len(new):
         return tracks
-    move = np.array([_transition(age) for age in reports.age[new].tolist()])
+    move = np.array([transition(age) for age in reports.age[new].tolist()])
     grown = np.array([process_noise(age, noise) for age in reports.age[new].tolist()])
     zero = np.zeros(len(new), np.int64)
     more = Preliminary(

@@ -31,7 +31,7 @@ from coastwatch.stage import Count, CountOrZero, NotNegative, Positive, Probabil
 from coastwatch.tracks.radar.messages import messages_of
 from coastwatch.tracks.radar.method import RadarMethod
 from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Decided, ForestMemory, Leaves
-from coastwatch.tracks.radar.multi_hypothesis_literal.initiation import InitiationSettings, begin
+from coastwatch.tracks.radar.multi_hypothesis_literal.initiation import InitiationSettings, begin, transition
 from coastwatch.tracks.radar.plot_batches import is_usable
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput
 from coastwatch.tracks.radar.report import Reported, report, report_measurements
@@ -289,7 +289,7 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
         """The chosen leaves, predicted to the end of the cycle."""
         leaves, trees = memory.leaves.take(memory.best), memory.trees
         elapsed_s = max(time_s - float(memory.look_s[-1]), 0.0) if len(trees) else 0.0
-        move = np.eye(4) + elapsed_s * np.eye(4, k=2)
+        move = transition(elapsed_s)
         now = Estimates(
             np.full(len(trees), time_s),
             leaves.state @ move.T,
@@ -298,9 +298,7 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
         )
         alike = ((leaves.origin[:, :, None] == leaves.origin[:, None]) & (leaves.origin >= 0)[:, :, None]).sum(axis=2)
         origin = leaves.origin[np.arange(len(trees)), alike.argmax(axis=1)]
-        unknown = np.full(len(trees), np.nan)
-        extent = np.full((len(trees), 3), np.nan)
-        said = Reported(trees.number, leaves.updated_s, trees.started_s, origin, leaves.mmsi, unknown, extent, unknown, unknown)
+        said = Reported(trees.number, leaves.updated_s, trees.started_s, origin, leaves.mmsi)
         return report(now, said, radars, time_s, sensors, region)
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Floats, Ints, Measurements, Plots, StandingEchoes, Tracks
+from coastwatch.batches import Floats, Measurements, Plots, StandingEchoes, Tracks
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
@@ -275,9 +275,7 @@ class RepulsiveParticles(RadarMethod):
         site_m = np.where(np.isfinite(memory.site_m[ours]), memory.site_m[ours], specified)
         never = np.full(len(ours), NEVER_S)
         radars = RadarColumns(site_m, sensors.radars.range_m[ours], sensors.radars.period_s[ours], never)
-        none: Ints = np.full(len(f), -1)
-        unknown, extent = np.full(len(f), np.nan), np.full((len(f), 3), np.nan)
-        said = Reported(f.acquired_number, f.looked_s, f.started_s, f.origin, none, unknown, extent, unknown, unknown)
+        said = Reported(f.acquired_number, f.looked_s, f.started_s, f.origin)
         return report(
             Estimates(np.full(len(f), time_s), mean, covariance, np.zeros(len(f))), said, radars, time_s, sensors, region
         )
