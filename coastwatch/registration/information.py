@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch.batches import Batch, Floats, Ints, column
+from coastwatch.registration.references import summed_by_vessel
 
 REWEIGHTINGS = 4  # weights change in the third digit after three
 OUTLIER_DISTANCE2 = 11.3  # squared distance that three degrees of freedom exceed once in a hundred
@@ -90,7 +91,7 @@ def add_equations(
         count=w * np.where(h[:, :2].any(axis=1), 0.5, 1.0),  # against AIS a plot gives two equations
         newest=of_azimuth[:, None] * np.column_stack([residual, np.ones(len(y))]),
     )
-    return _summed(Information.join([old.take(old.count > LEAST_COUNT), new]))
+    return summed_by_vessel(Information.join([old.take(old.count > LEAST_COUNT), new]))
 
 
 def drift(information: Information, radars: int) -> Drift:
@@ -103,21 +104,6 @@ def drift(information: Information, radars: int) -> Drift:
     sigmas = np.abs(of_all) / np.sqrt(np.maximum(variance, 1.0))
     mean = np.where(sigmas > DRIFT_SIGMAS, of_all / np.maximum(weights, 1.0), 0.0)
     return Drift(sigmas, mean)
-
-
-def _summed(parts: Information) -> Information:
-    """One row for each radar and vessel, summed in the order of the parts."""
-    references, which = np.unique(parts.reference, return_inverse=True)
-    key, group = np.unique(parts.radar * len(references) + which, return_inverse=True)
-    count = max(len(references), 1)
-
-    def total(values: Floats) -> Floats:
-        sums_of_rows = np.zeros((len(key), *values.shape[1:]))
-        np.add.at(sums_of_rows, group, values)
-        return sums_of_rows
-
-    sums = {name: total(getattr(parts, name)) for name in SUMS}
-    return Information(radar=key // count, reference=references[key % count], **sums)
 
 
 def solve(information: Information, centre: Floats, prior_sigma: Floats) -> Estimate:

@@ -59,10 +59,7 @@ def scattered(
     residual = np.clip(residual, -OUTLIER * factor, OUTLIER * factor)
     sound = np.isfinite(residual).all(axis=1)
     new = PlotScatter(m.sensor, ais.track_id, np.ones(len(m)), residual, residual**2).take(sound)
-    every = PlotScatter.join([old, new])
-    sums = np.column_stack([every.count, every.residual, every.square])
-    radar, track_id, sums = summed_by_vessel(every.radar, every.track_id, sums)
-    return PlotScatter(radar, track_id, sums[:, 0], sums[:, 1:3], sums[:, 3:])
+    return summed_by_vessel(PlotScatter.join([old, new]))
 
 
 def noise_factors(scatter: PlotScatter, radars: int, least_vessels: int) -> Floats:

@@ -6,7 +6,8 @@ as long as it has an AIS track in cover of the radar. A vessel that is lost is r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ SIGMA_M = 30.0  # an AIS track whose position is less certain is no reference
 SECTORS = 24  # of azimuth, over which the vessels are spread
 CONSIDERED = 8  # vessels for each that is wanted, from which those in cover are spread over the sectors
 WIDER = 1.25  # than its cover is the square that is looked through: a degree of longitude is shorter at its far side
+Sums = TypeVar("Sums", bound=Batch)
 MIX = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio (Fibonacci hashing)
 
 
@@ -102,16 +104,16 @@ def _is_certain(row: Ints, tracks: Tracks) -> Bools:
     return certain
 
 
-def summed_by_vessel(radar: Ints, track_id: Ints, values: Floats) -> tuple[Ints, Ints, Floats]:
-    """One row for each radar and vessel, sorted by both: the sums of their rows, in the order of these.
-
-    Args: radar, track_id: (M,); values: (M, d). Returns: (N,), (N,), (N, d).
-    """
-    ids, which = np.unique(track_id, return_inverse=True)
-    key, group = np.unique(radar * len(ids) + which, return_inverse=True)
-    sums = np.zeros((len(key), values.shape[1]))
-    np.add.at(sums, group, values)
-    return key // max(len(ids), 1), ids[key % max(len(ids), 1)], sums
+def summed_by_vessel(rows: Sums) -> Sums:
+    """One row for each radar and vessel, the first two columns, sorted by both. The others are summed in the order of the rows."""
+    radar, vessel, *others = (f.name for f in fields(rows))
+    ids, which = np.unique(getattr(rows, vessel), return_inverse=True)
+    key, group = np.unique(getattr(rows, radar) * len(ids) + which, return_inverse=True)
+    sums = {name: np.zeros((len(key), *getattr(rows, name).shape[1:])) for name in others}
+    for name, total in sums.items():
+        np.add.at(total, group, getattr(rows, name))
+    count = max(len(ids), 1)
+    return type(rows)(**{radar: key // count, vessel: ids[key % count]}, **sums)
 
 
 def id_hash(track_id: Ints) -> NDArray[np.uint64]:

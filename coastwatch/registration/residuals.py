@@ -92,10 +92,8 @@ def plot_equations(
         ),
         weight=np.tile(probability, 2),
     )
-    every = EchoShares.join([shares, EchoShares(r, track_id, np.ones(n), probability)])
-    sums = np.column_stack([every.pairs, every.echoes])
-    radar, track_id, sums = summed_by_vessel(every.radar, every.track_id, sums)
-    return EchoShares(radar, track_id, sums[:, 0], sums[:, 1]), equations
+    new = EchoShares(r, track_id, np.ones(n), probability)
+    return summed_by_vessel(EchoShares.join([shares, new])), equations
 
 
 def forgotten(shares: EchoShares, keep: Floats) -> EchoShares:
