@@ -70,7 +70,7 @@ class Memory:
     silence: SilenceMemory  # which sensors were heard, and how often
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # for the next cycle
     expected: ExpectedVessels = field(
-        default_factory=ExpectedVessels.none
+        default_factory=ExpectedVessels.zeros
     )  # by sensors without contact numbers, in the next cycle
     beyond: dict[str, int] = field(default_factory=dict)  # reports, tracks and vessels that were dropped as none, by kind
     left_out: dict[str, int] = field(default_factory=dict)  # as of Cycle, of all cycles

@@ -169,8 +169,7 @@ class BearingLikelihood(Method):
         """Which bearing track is which vessel at this cycle, sorted by bearing_row."""
         bearing_tracks, picture, octants, sensors = given.bearing_tracks, given.picture, given.octants, given.sensors
         if not len(sensors.sonars):
-            none = np.zeros(0, np.int64)
-            return memory, BearingAssociations(none, none, np.zeros(0), np.zeros(0))
+            return memory, BearingAssociations.zeros()
         if len(memory.bias.mean_rad) != len(sensors.sonars):
             memory = replace(
                 memory,

@@ -8,6 +8,7 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import CLASS_OF_TYPE, CLASSES, AisStatics, BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
+from coastwatch.batches.struct import Batch, column
 from coastwatch.geodesy import to_plane, wrap_rad
 from coastwatch.kernels.bearings.signatures import log_likelihood
 from coastwatch.kernels.tables.lookup import find
@@ -131,19 +132,15 @@ class OutsideDetections:
 
 
 @dataclass(frozen=True, eq=False)
-class ShipTypes:
+class ShipTypes(Batch):
     """The class of each vessel that sent a ship type that implies one; the last one received stands.
 
     Of more than MOST_TYPES vessels those that were heard longest ago are forgotten.
     """
 
-    mmsi: Ints  # (S,) sorted
-    vessel_class: Ints  # (S,) VesselClass
-    heard_s: Floats  # (S,) when the vessel sent a type last
-
-    @staticmethod
-    def empty() -> ShipTypes:
-        return ShipTypes(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+    mmsi: Ints = column(np.int64, "S")  # sorted
+    vessel_class: Ints = column(np.int64, "S")  # VesselClass
+    heard_s: Floats = column(np.float64, "S")  # when the vessel sent a type last
 
     def updated(self, statics: AisStatics) -> ShipTypes:
         """What is known after these static reports."""
@@ -170,8 +167,7 @@ class ShipTypes:
         if len(self.mmsi) <= MOST_TYPES:
             return self
         newest = np.argsort(-self.heard_s, kind="stable")[: MOST_TYPES - MOST_TYPES // 10]
-        rows = np.sort(newest)
-        return ShipTypes(self.mmsi[rows], self.vessel_class[rows], self.heard_s[rows])
+        return self.take(np.sort(newest))
 
     def of(self, mmsi: Ints) -> Ints:
         """The class of each of these, -1 where it is not known. Args: (V,), -1 allowed."""

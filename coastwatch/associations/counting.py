@@ -38,7 +38,7 @@ class Counting(Method):
         return self.threshold_m
 
     def init(self) -> PairCounts:
-        return PairCounts.none()
+        return PairCounts.zeros()
 
     def step(self, memory: PairCounts, given: AssociationInput) -> tuple[PairCounts, Associations]:
         """The memory after a cycle, and its associations."""
@@ -75,7 +75,7 @@ class TwoCountings(Method):
         return self.loose_m
 
     def init(self) -> tuple[PairCounts, PairCounts]:
-        return PairCounts.none(), PairCounts.none()
+        return PairCounts.zeros(), PairCounts.zeros()
 
     def step(
         self, memory: tuple[PairCounts, PairCounts], given: AssociationInput
@@ -103,7 +103,7 @@ class CountedTest(Method):
     gate_m: Metres = 1000.0  # pairs farther apart are not tested
 
     def init(self) -> PairCounts:
-        return PairCounts.none()
+        return PairCounts.zeros()
 
     def step(self, memory: PairCounts, given: AssociationInput) -> tuple[PairCounts, Associations]:
         """The memory after a cycle, and its associations."""
@@ -132,7 +132,7 @@ class TestThenCounting(Method):
         return self.threshold_m
 
     def init(self) -> PairCounts:
-        return PairCounts.none()
+        return PairCounts.zeros()
 
     def step(self, memory: PairCounts, given: AssociationInput) -> tuple[PairCounts, Associations]:
         """The memory after a cycle, and its associations."""

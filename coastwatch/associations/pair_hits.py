@@ -72,12 +72,6 @@ class PairCounts(Struct):
     misses: Ints = column(np.int64, "P")
     associated: Bools = column(np.bool_, "P")
 
-    @staticmethod
-    def none() -> PairCounts:
-        """Before the first cycle."""
-        zero = np.zeros(0, np.int64)
-        return PairCounts(zero, zero, zero, zero, np.zeros(0, np.bool_))
-
     def counted(
         self, tracks: Tracks, hits: PassedPairs, begin: int, end: int, at_once: Bools | None = None
     ) -> tuple[PairCounts, Ints, Ints]:

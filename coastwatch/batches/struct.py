@@ -54,6 +54,16 @@ class Struct:
                 if (sizes.setdefault(need, size) if isinstance(need, str) else need) != size:
                     raise ValueError(f"{type(self).__name__}.{name}: got shape {got.shape}, needed {shape} with {sizes}")
 
+    @classmethod
+    def zeros(cls, **sizes: int) -> Self:
+        """Zeros in every column, of these sizes by letter, 0 where not given. What is no array has its default."""
+        return cls(
+            **{
+                name: np.zeros([s if isinstance(s, int) else sizes.get(s, 0) for s in shape], dtype)
+                for name, dtype, shape in _layout(cls).columns
+            }
+        )
+
     def check_rows(self) -> None:
         """Check the columns of row numbers, as after reading a checkpoint: kernels do not.
 
@@ -155,12 +165,7 @@ class Batch(Struct):
     @classmethod
     def empty(cls, **sizes: int) -> Self:
         """No rows. Letters other than the first take their size from the arguments, 0 where not given."""
-        made = {}
-        for f in fields(cls):
-            shape = f.metadata["shape"]
-            rest = [s if isinstance(s, int) else sizes.get(s, 0) for s in shape[1:]]
-            made[f.name] = np.zeros((0, *rest), f.metadata["dtype"])
-        return cls(**made)
+        return cls.zeros(**sizes)
 
 
 def size_bytes(value: object) -> int:

@@ -299,12 +299,6 @@ class ExpectedVessels(Struct):
     bias_rad: Floats = column(np.float64, "K")  # of each sensor of bearings
     bias_sigma_rad: Floats = column(np.float64, "K")  # 0 where the method does not know it
 
-    @staticmethod
-    def none() -> ExpectedVessels:
-        """No vessel, and no sensor."""
-        none, pairs = np.zeros(0), np.zeros((0, 2))
-        return ExpectedVessels(np.zeros(0, np.int64), none, pairs, pairs, none, none, none)
-
 
 class RegistrationState(IntEnum):
     """How well the registration of a radar is known: unknown, acquiring, probable, found, settled, or doubtful."""

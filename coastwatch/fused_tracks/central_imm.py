@@ -134,10 +134,7 @@ class CentralImm(FusionMethod):
 
     def init(self) -> VesselFilters:
         """No filter."""
-        state, covariance = np.zeros((0, MODELS, 5)), np.zeros((0, MODELS, 5, 5))
-        none, no_time, no_row = np.zeros(0, np.int64), np.zeros(0), np.zeros(0, np.int32)
-        anchor, mode, evidence = np.zeros((0, 2)), np.zeros((0, MODELS)), np.zeros(len(JUMP_FACTORS) + len(SOJOURN_FACTORS))
-        return VesselFilters(anchor, state, covariance, mode, no_time, no_time, none, no_row, none, none, no_time, evidence)
+        return VesselFilters.zeros(J=MODELS, A=len(JUMP_FACTORS) + len(SOJOURN_FACTORS))
 
     def step(self, memory: VesselFilters, given: FusionInput) -> tuple[VesselFilters, FusedTracks]:
         """One estimate a vessel: memory, and one row for each vessel number.

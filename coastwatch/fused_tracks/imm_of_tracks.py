@@ -52,9 +52,7 @@ class ImmOfTracks(FusionMethod):
     unknown_velocity_sigma_m_s: Positive = 0.5
 
     def init(self) -> TrackFilters:
-        none = np.zeros(0, np.int64)
-        state, covariance = np.zeros((0, MODELS, 5)), np.zeros((0, MODELS, 5, 5))
-        return TrackFilters(np.zeros((0, 2)), state, covariance, np.zeros((0, MODELS)), none, none)
+        return TrackFilters.zeros(J=MODELS)
 
     def step(self, memory: TrackFilters, given: FusionInput) -> tuple[TrackFilters, FusedTracks]:
         """One estimate a vessel: memory, and one row for each vessel number."""

@@ -49,8 +49,7 @@ class PartialFeedback(FusionMethod):
     unknown_velocity_sigma_m_s: Positive = 0.5  # of a source that gives no covariance
 
     def init(self) -> FeedbackFilters:
-        none, matrices = np.zeros(0, np.int64), np.zeros((0, 4, 4))
-        return FeedbackFilters(none, none, np.zeros((0, 2)), np.zeros((0, 2)), matrices, matrices, np.zeros(0))
+        return FeedbackFilters.zeros()
 
     def step(self, memory: FeedbackFilters, given: FusionInput) -> tuple[FeedbackFilters, FusedTracks]:
         """One estimate a vessel: memory, and one row for each vessel number."""

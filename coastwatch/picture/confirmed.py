@@ -33,10 +33,6 @@ class Confirmations(Struct):
     source_s: Floats = column(np.float64, "S", 2)  # the same, of all tracks of each source so far
     time_s: Floats = column(np.float64, "C")  # of the last cycle; empty before the first
 
-    @classmethod
-    def none(cls) -> Confirmations:
-        return cls(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
-
 
 def judged_regions(sensors: Sensors) -> Bools:
     """Which regions are judged: each of their radars reaches only where one radar of another region does. (regions,)"""

@@ -35,11 +35,6 @@ class AisPast(Struct):
     elsewhere_since_s: Floats = column(np.float64, "S")  # since when its MMSI is in another vessel; inf: it is not
     ended: Bools = column(np.bool_, "S")  # its AIS track had ended when its MMSI came elsewhere: its sender fell silent
 
-    @classmethod
-    def none(cls) -> AisPast:
-        number, time = np.zeros(0, np.int64), np.zeros(0)
-        return cls(number, number, number, time, time, time, number > 0)
-
 
 @dataclass(frozen=True, eq=False)
 class AisNow:

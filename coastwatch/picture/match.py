@@ -32,11 +32,6 @@ class KnownTracks(Struct):
     vessel: Ints = column(np.int64, "L")  # the vessel it was in
     first_vessel: Ints = column(np.int64, "L")  # the first vessel it ever was in
 
-    @classmethod
-    def none(cls) -> KnownTracks:
-        none = np.zeros(0, np.int64)
-        return cls(none, none, none)
-
 
 @dataclass(frozen=True, eq=False)
 class IdentityMatch:

@@ -353,7 +353,7 @@ class BearingWindow(Method):
         Returns: rows that were hit; reports that begin tracks of vessels; reports that are of no expected vessel.
         """
         c = windows.column
-        predicted = Predicted.none()
+        predicted = Predicted.empty()
         if len(expected.vessel_id):
             predicted = in_crowd(predicted_bearings(expected, reports, sensors), self.gate_sigmas, self.crowd, sensors)
         of_vessel = np.flatnonzero((c["contact"] <= OF_VESSEL) & np.isin(c["sensor"], reports.sensor))

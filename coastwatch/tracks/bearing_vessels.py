@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import BearingAssociations, BearingReports, Bools, ExpectedVessels, Floats, Ints, Picture, Sensors
+from coastwatch.batches import BearingAssociations, BearingReports, ExpectedVessels, Floats, Ints, Picture, Sensors
+from coastwatch.batches.struct import Batch, column
 from coastwatch.geodesy import wrap_rad
 
 EXACT = 10  # vessels or bearings of a cluster whose joint assignments are all added up
@@ -18,22 +19,14 @@ SOON = 1.2  # ranges of a sensor, within which vessels are expected
 NEAREST_M = 1.0  # a vessel on top of the sensor has no bearing, its variance says so
 
 
-class Predicted(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Predicted(Batch):
     """Bearings that expected vessels should give at a look; one row for each vessel that a sensor hears."""
 
-    sensor: Ints  # (H,) sorted
-    vessel_id: Ints  # (H,)
-    bearing_rad: Floats  # (H,)
-    variance: Floats  # (H,) of the prediction
-
-    @staticmethod
-    def none() -> Predicted:
-        """No vessel."""
-        return Predicted(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
-
-    def take(self, rows: Ints | Bools) -> Predicted:
-        """These rows."""
-        return Predicted(self.sensor[rows], self.vessel_id[rows], self.bearing_rad[rows], self.variance[rows])
+    sensor: Ints = column(np.int64, "H")  # sorted
+    vessel_id: Ints = column(np.int64, "H")
+    bearing_rad: Floats = column(np.float64, "H")
+    variance: Floats = column(np.float64, "H")  # of the prediction
 
 
 def expected_vessels(
@@ -41,7 +34,7 @@ def expected_vessels(
 ) -> ExpectedVessels:
     """The vessels of a picture that some sensors of bearings may hear in the next cycle. Args: sensor, site_deg: (S,), (S, 2)."""
     if not len(sensor):
-        return ExpectedVessels.none()
+        return ExpectedVessels.zeros()
     near = kernels.geometry.sensor_coverage.coverage_of(site_deg, SOON * sensors.sonars.range_m[sensor], 0.0)
     rows = np.flatnonzero(kernels.geometry.sensor_coverage.in_any_range(near, picture.position_deg))
     bias, sigma = found.sensor_bias_rad, found.sensor_bias_sigma_rad

@@ -58,8 +58,7 @@ class ClutterMap(Struct):
     @classmethod
     def none(cls) -> ClutterMap:
         """A map of no radar."""
-        no, row, zero = np.zeros(0), np.zeros(0, np.int64), np.zeros(0)
-        return cls(no, row, row, no, no, zero, zero, np.zeros(0, np.int32))
+        return cls.zeros()
 
     def check_rows(self) -> None:
         """Check the windows, as after reading a checkpoint. Raises: ValueError."""

@@ -29,18 +29,7 @@ class PlotFilters(Struct):
     @classmethod
     def empty(cls, models: int) -> PlotFilters:
         """No slot. Args: models: J of each filter."""
-        none, j = np.zeros(0), models
-        return cls(
-            updated_s=none,
-            state=np.zeros((0, j, 5)),
-            covariance=np.zeros((0, j, 5, 5)),
-            mode_probability=np.zeros((0, j)),
-            combined_mean=np.zeros((0, 4)),
-            combined_covariance=np.zeros((0, 4, 4)),
-            noise_m2_s3=none,
-            left_mmsi=np.zeros(0, np.int64),
-            left_s=none,
-        )
+        return cls.zeros(J=models)
 
     @property
     def models(self) -> int:

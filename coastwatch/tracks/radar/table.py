@@ -83,9 +83,7 @@ class Table(Struct):
     @classmethod
     def empty(cls, models: int, radars: int, particles: int = 0) -> Self:
         """No slot yet. Args: models: J, of each filter; radars: R; particles: P, of each track."""
-        sizes = {"J": models, "R": radars, "P": particles}
-        shapes = {f.name: [s if isinstance(s, int) else sizes.get(s, 0) for s in f.metadata["shape"]] for f in fields(cls)}
-        return cls(**{f.name: np.zeros(shapes[f.name], f.metadata["dtype"]) for f in fields(cls)})
+        return cls.zeros(J=models, R=radars, P=particles)
 
     @property
     def filters(self) -> Filters:

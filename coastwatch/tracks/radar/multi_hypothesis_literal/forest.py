@@ -85,22 +85,9 @@ class ForestMemory(Struct):
     @classmethod
     def empty(cls, window: int) -> Self:
         """No track yet."""
-        w, none = window + 1, np.zeros(0, np.int64)
-        leaves = Leaves(
-            tree=none,
-            mmsi=none,
-            plot=np.zeros((0, w), np.int64),
-            message=np.zeros((0, w), np.int64),
-            origin=np.zeros((0, w), np.int64),
-            score=np.zeros((0, w)),
-            path=np.zeros((0, w, 4)),
-            covariance=np.zeros((0, 4, 4)),
-            life_score=np.zeros(0),
-            updated_s=np.zeros(0),
-        )
-        trees, preliminary = Trees.empty(), Preliminary.empty()
-        waiting, decided = Messages.empty(), Decided.empty()
-        return cls(leaves, trees, preliminary, waiting, decided, none, np.zeros((0, 2)), np.full(w, -np.inf))
+        leaves, trees, preliminary = Leaves.empty(W=window + 1), Trees.empty(), Preliminary.empty()
+        waiting, decided, best = Messages.empty(), Decided.empty(), np.zeros(0, np.int64)
+        return cls(leaves, trees, preliminary, waiting, decided, best, np.zeros((0, 2)), np.full(window + 1, -np.inf))
 
     def check_rows(self) -> None:
         """Check the rows of trees and leaves, as after reading a checkpoint. Raises: ValueError."""
