@@ -44,9 +44,7 @@ class Jpda(Settings):
         begins = rest
         if len(rest):
             others = replace(table, live=table.live[table.status[table.live] != Status.CONFIRMED])
-            few = PlotColumns(
-                batch.time[rest], batch.position[rest], batch.covariance[rest], batch.sensor[rest], batch.origin[rest]
-            )
+            few = PlotColumns._make(column[rest] for column in batch)
             taken, free = associate(rules, others, few, period_s, per_m2[rest], clutter.learnt is True)
             begins, rows = rest[free], rest[taken >= 0]
             slot[rows] = taken[taken >= 0]

@@ -102,14 +102,6 @@ class MultiHypothesis(Settings):
         self, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars, time_s: float
     ) -> RadarMemory:
         """Count the looks that gave a tree no plot, confirm and delete tracks. Args: as of `ExistenceManagement.end_slice`."""
-        memory = self._count_missed_looks(parts, memory, radars, ours, every, time_s)
-        upkeep = parts.existence.model_copy(update={"delete_misses": self.patience})
-        memory = replace(memory, forest=memory.forest.with_slots(len(memory.table.track_id)))
-        return upkeep.end_slice(memory, radars, ours, every, time_s, memory.forest.until_s)
-
-    def _count_missed_looks(
-        self, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars, time_s: float
-    ) -> RadarMemory:
         forest, table, rules = forest_of(memory, self.window), memory.table, parts.existence
         detection, missed = rules.by_number(memory.rates, every)[0].probability, kernels.tracks.hypothesis_trees.miss_looks
         touched = np.zeros(len(table.track_id), np.bool_)
@@ -124,7 +116,9 @@ class MultiHypothesis(Settings):
         if touched.any():
             keep_heard(forest, time_s)
             _write_existence(self.window, table, forest, touched)
-        return replace(memory, forest=forest)
+        memory = replace(memory, forest=forest.with_slots(len(table.track_id)))
+        upkeep = rules.model_copy(update={"delete_misses": self.patience})
+        return upkeep.end_slice(memory, radars, ours, every, time_s, memory.forest.until_s)
 
     def end_cycle(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
         """Merge tracks of one vessel."""
