@@ -16,6 +16,7 @@ import numpy as np
 
 from coastwatch.batches import Bools, Flag, Floats, Ints, Picture, Struct, Tracks, column
 from coastwatch.geodesy import difference_m
+from coastwatch.kernels.bearings.candidates import ranges
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.kernels.tables.match_ids import index_of
 from coastwatch.picture.settings import IdentitySettings
@@ -130,7 +131,7 @@ def name_flags(settings: IdentitySettings, past: AisPast, picture: Picture, now:
     first, last = (np.searchsorted(now.mmsi, past.mmsi[former], side) for side in ("left", "right"))
     count = last - first
     former_of_pair = np.repeat(np.arange(len(former)), count)
-    other_row = now.row[np.arange(len(former_of_pair)) - np.repeat(np.cumsum(count) - count, count) + first[former_of_pair]]
+    other_row = now.row[ranges(first, count)]
     offset_m = difference_m(picture.position_deg[other_row], picture.position_deg[row[former_of_pair]])
     far = np.hypot(offset_m[:, 0], offset_m[:, 1]) >= settings.taken_from_m
     for contradicted in (row[former_of_pair][far], other_row[far]):
