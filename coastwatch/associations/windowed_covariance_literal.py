@@ -11,7 +11,7 @@ from pydantic import Field
 from coastwatch import kernels
 from coastwatch.associations.inputs import AssociationInput
 from coastwatch.associations.pairing import associations_of, gate_arrays, gated, one_to_one, over_members, passed_pairs
-from coastwatch.batches import Array, Associations, Ints, Tracks
+from coastwatch.batches import Array, Associations, Ints
 from coastwatch.kernels.association.history import History
 from coastwatch.kernels.association.pair_features import ENTRY
 from coastwatch.stage import Arrays, Groups, Method, Positive, Probability
@@ -73,7 +73,12 @@ class WindowedCovarianceLiteral(Method):
         pairs = passed_pairs(accept_in_spots, self, {**arrays, **windows}, given)
         first, second, x = pairs.first, pairs.second, pairs.score
         gain = 2.0 * self.limit() - x
-        chosen = one_to_one(tracks, first, second, gain) if self.one_to_one else _nearest(tracks, first, second, x)
+        if self.one_to_one:
+            chosen = one_to_one(tracks, first, second, gain)
+        else:  # for each track and other source the pair with the smallest x
+            order = np.lexsort((second, x, tracks.source[second], first))
+            key = first[order] * (int(tracks.source.max(initial=0)) + 1) + tracks.source[second][order]
+            chosen = np.sort(order[np.unique(key, return_index=True)[1]])
         first, second, x = first[chosen], second[chosen], x[chosen]
         return LiteralMemory(history), associations_of(tracks, first, second, x, gain[chosen], is_distance=True, counts=pairs)
 
@@ -94,10 +99,3 @@ def _accept_members(
     )
     kept = x < settings.limit()
     return first[kept], second[kept], x[kept], np.array([len(pair)])
-
-
-def _nearest(tracks: Tracks, first: Ints, second: Ints, x: Array) -> Ints:
-    """For each track and other source the pair with the smallest x."""
-    order = np.lexsort((second, x, tracks.source[second], first))
-    key = first[order] * (int(tracks.source.max(initial=0)) + 1) + tracks.source[second][order]
-    return np.sort(order[np.unique(key, return_index=True)[1]]).astype(np.int64)

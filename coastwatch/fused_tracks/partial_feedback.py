@@ -58,7 +58,9 @@ class PartialFeedback(FusionMethod):
         vessel, radar, ais = _radar_and_ais(VesselTracks.of(given.associations), tracks, given.kinds)
         position, velocity = tracks.position_deg[radar].copy(), tracks.velocity_m_s[radar].copy()
         covariance, cross = tracks.covariance[radar].copy(), np.zeros((len(radar), 4, 4))
-        plot, track_of_plot = _plots(tracks, given.measurements)
+        row = kernels.tables.match_ids.index_of(tracks.track_id, given.measurements.track_id).astype(np.int64)
+        mine: Bools = (row >= 0) & (given.measurements.sensor >= 0)
+        plot, track_of_plot = given.measurements.take(mine), row[mine]
         goes_on, before = self._continued(memory, tracks, radar, ais, plot, track_of_plot)
         dt = np.full(len(before), time_s - memory.time_s)
         position[goes_on], velocity[goes_on], covariance[goes_on], before_report = _updated(
@@ -104,13 +106,6 @@ def _radar_and_ais(vessels: VesselTracks, tracks: Tracks, kinds: Ints) -> tuple[
     radar_second = kind[some, 0] != SourceKind.RADAR
     radar = np.where(radar_second, pair[some, 1], pair[some, 0])
     return vessel[some], radar, np.where(radar_second, pair[some, 0], pair[some, 1])
-
-
-def _plots(tracks: Tracks, measurements: Measurements) -> tuple[Measurements, Ints]:
-    """The plots of tracks that are there, and the row of the track of each."""
-    row = kernels.tables.match_ids.index_of(tracks.track_id, measurements.track_id).astype(np.int64)
-    mine: Bools = (row >= 0) & (measurements.sensor >= 0)
-    return measurements.take(mine), row[mine]
 
 
 def _updated(

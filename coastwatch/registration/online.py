@@ -141,8 +141,11 @@ class OnlineRegistration(Method):
             memory.reference_cells, vessels, is_reference, pairs, measured, swept, dt, sensors
         )
         seen = np.bincount(vessels.radar, minlength=len(sensors.radars))
+        rules = Rules(
+            self.decision_s, self.vote_memory_s, self.false_alarm, self.least_vessels, self.least_voices, self._grid()
+        )
         acquisition, reference_cells = decide_all(
-            memory.acquisition, reference_cells, memory.estimate.mean, seen, time_s, self._rules(), sensors
+            memory.acquisition, reference_cells, memory.estimate.mean, seen, time_s, rules, sensors
         )
         acquired, found = acquisition.acquired, acquisition.found & ~acquisition.acquired
         information = memory.information.take(~acquired[memory.information.radar])
@@ -179,10 +182,6 @@ class OnlineRegistration(Method):
         """Units of the state (azimuth, range, lag) in the equations. (R, 3)"""
         radars = sensors.radars
         return np.column_stack([radars.azimuth_sigma_rad, radars.range_sigma_m, np.ones(len(radars))])
-
-    def _rules(self) -> Rules:
-        """When a bias is taken."""
-        return Rules(self.decision_s, self.vote_memory_s, self.false_alarm, self.least_vessels, self.least_voices, self._grid())
 
     def _reference_vessels(self, vessels: ComparedVessels, found: Bools) -> Bools:
         """Which vessels are reference vessels: all of a radar whose bias is not found, else a fixed draw. (V,)"""

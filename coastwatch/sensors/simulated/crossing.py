@@ -84,7 +84,10 @@ class Crossing(Method):
             course = azimuth + np.pi + np.radians(rng.uniform(-self.heading_deg, self.heading_deg))
             place, velocity = self.radius_m * _unit(azimuth), speed * _unit(course)
             rate, until_s, near = 0.0, 0.0, False
-            first = self._first_step(rng, vessel)
+            if self.births_within_s is not None:
+                first = int(np.ceil(rng.uniform(0.0, self.births_within_s) / STEP_S))
+            else:
+                first = 0 if vessel < 3 * self.count // 5 else int(LATE_S / STEP_S)
             slack = 20.0 if self.returns else SLACK_M
             for k in range(first, steps):
                 if np.hypot(*place) > self.radius_m + (0.0 if near and self.returns else slack):
@@ -99,12 +102,6 @@ class Crossing(Method):
                 place = place + chord * _turned(velocity, half) + noise[:, 0]
                 velocity = _turned(velocity, 2.0 * half) + noise[:, 1]
         return out
-
-    def _first_step(self, rng: np.random.Generator, vessel: int) -> int:
-        """At which a vessel starts."""
-        if self.births_within_s is not None:
-            return int(np.ceil(rng.uniform(0.0, self.births_within_s) / STEP_S))
-        return 0 if vessel < 3 * self.count // 5 else int(LATE_S / STEP_S)
 
     def _next_turn(
         self, rng: np.random.Generator, place: Floats, velocity: Floats, near: bool, now_s: float
