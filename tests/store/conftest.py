@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import uuid
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -32,9 +33,9 @@ def postgresql() -> str:
     pytest.skip("no PostgreSQL answers; COASTWATCH_TEST_POSTGRESQL may name one")
 
 
-@pytest.fixture
-def postgresql_url(postgresql: str) -> Iterator[str]:
-    """An empty schema, dropped afterwards."""
+@contextmanager
+def empty_schema(postgresql: str) -> Iterator[str]:
+    """The address of an empty schema, dropped afterwards."""
     import psycopg
 
     name = f"coastwatch_{uuid.uuid4().hex}"
@@ -46,9 +47,26 @@ def postgresql_url(postgresql: str) -> Iterator[str]:
         server.execute(f"DROP SCHEMA {name} CASCADE")
 
 
+@pytest.fixture
+def postgresql_url(postgresql: str) -> Iterator[str]:
+    """An empty schema of a test."""
+    with empty_schema(postgresql) as address:
+        yield address
+
+
 @pytest.fixture(params=["sqlite", "postgresql"])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """An empty database: a file that is not there yet, or an empty schema."""
     if request.param == "sqlite":
         return f"sqlite:///{tmp_path / 'coastwatch.db'}"
     return str(request.getfixturevalue("postgresql_url"))
+
+
+@pytest.fixture(scope="module", params=["sqlite", "postgresql"])
+def shared_url(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """An empty database of each, for the tests of a module that fill it once and then only read."""
+    if request.param == "sqlite":
+        yield f"sqlite:///{tmp_path_factory.mktemp('shared') / 'coastwatch.db'}"
+        return
+    with empty_schema(request.getfixturevalue("postgresql")) as address:
+        yield address

@@ -62,6 +62,12 @@ STATUS = {1: NavStatus.AGROUND, 2: NavStatus.MOORED, 10: NavStatus.AIS_SART_ACTI
 MMSI = {1: 710_000_001, 2: 710_000_002, 4: 710_000_004, 5: 710_000_005, 6: 710_000_006, 7: 710_000_007, 8: 710_000_007}
 
 
+CHANGES = {10: "ana", 30: "bia"}
+"""Who changes something through the API at the end of a cycle."""
+
+ENDS = (20, 33, CYCLES - 1)
+"""The newest cycles at which every question is asked."""
+
 SILENT_SINCE_S = world.START_S - 20.0  # vessel 9
 
 
@@ -104,27 +110,45 @@ def without_radar(cycle: Any, number: int) -> Any:
     return replace(cycle, members=members, associations=Associations(none, none, np.zeros(0), cycle.associations.vessel))
 
 
-@pytest.fixture
-def store(url: str) -> Iterator[Store]:
+def write_planted(store: Store, run: int, cycles: range) -> None:
+    """Cycles of the planted sea, and two changes through the API."""
+    for number in cycles:
+        cycle = without_radar(world.cycle_of(number, 0, planted(number)), number)
+        world.write(store, run, number, cycle=cycle, reports=world.reports_of(1, 2))
+        if number in CHANGES:
+            path, body = "/api/v1/alarms/4-dark-1/acknowledge", "{}"
+            change = kept.Change(world.instant_s(number), CHANGES[number], "operator", "10.0.0.9", "POST", path, 200, body)
+            kept.note_change(store, change)
+
+
+@pytest.fixture(scope="module")
+def store(shared_url: str) -> Iterator[Store]:
     """Forty cycles of the planted sea, after a run of another one."""
-    with kept.open_store(url) as store:
+    with kept.open_store(shared_url) as store:
         other = world.begin(store, "other")
         world.write(store, other, 0)
-        run = world.begin(store, settings=SETTINGS)
-        for number in range(CYCLES):
-            picture = planted(number)
-            cycle = without_radar(world.cycle_of(number, 0, picture), number)
-            world.write(store, run, number, cycle=cycle, reports=world.reports_of(1, 2))
-        changed(store, CYCLES - 1)
+        write_planted(store, world.begin(store, settings=SETTINGS), range(CYCLES))
         yield store
 
 
-def changed(store: Store, last: int) -> None:
-    """Two changes through the API, those up to a cycle."""
-    for number, who in ((10, "ana"), (30, "bia")):
-        if number <= last:
-            path = "/api/v1/alarms/4-dark-1/acknowledge"
-            kept.note_change(store, kept.Change(world.instant_s(number), who, "operator", "10.0.0.9", "POST", path, 200, "{}"))
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[int, dict[str, kept.Rows]]:
+    """What each question about now was answered when one of ENDS was the newest cycle, by that cycle and question."""
+    found: dict[int, dict[str, kept.Rows]] = {}
+    with kept.open_store(str(tmp_path_factory.mktemp("growing") / "x.db")) as growing:
+        run, first = world.begin(growing, settings=SETTINGS), 0
+        for last in ENDS:
+            write_planted(growing, run, range(first, last + 1))
+            found[last] = {name: kept.operator_query(growing, name, required(name)) for name in kept.operator_queries()}
+            first = last + 1
+    return found
+
+
+def required(name: str) -> dict[str, Any]:
+    """The parameters of a question that have no default."""
+    given = {"latitude_deg": -22.9, "longitude_deg": -43.2, "mmsi": 710_000_001}
+    parameters = kept.operator_queries()[name].parameters
+    return {key: given[key] for key, parameter in parameters.items() if parameter.default is None}
 
 
 def ask(store: Store, name: str, /, **parameters: Any) -> list[dict[str, Any]]:
@@ -300,30 +324,23 @@ def test_times_are_instants_or_lengths(store: Store) -> None:
                 assert (value > world.START_S - 30.0) == (column in INSTANTS), f"{name}.{column}"
 
 
-@pytest.mark.parametrize("last", [20, 33, CYCLES - 1])
-def test_every_question_at_an_instant_is_answered_as_it_was_then(store: Store, last: int, tmp_path: Path) -> None:
-    """A second database ends at that cycle. A question about now asks it; one about then asks the whole database."""
-    given = {"latitude_deg": -22.9, "longitude_deg": -43.2, "mmsi": 710_000_001}
-    with kept.open_store(str(tmp_path / "shorter.db")) as shorter:
-        run = world.begin(shorter, settings=SETTINGS)
-        for number in range(last + 1):
-            cycle = without_radar(world.cycle_of(number, 0, planted(number)), number)
-            world.write(shorter, run, number, cycle=cycle, reports=world.reports_of(1, 2))
-        changed(shorter, last)
-        for name, question in kept.operator_queries().items():
-            asked = {key: given[key] for key, parameter in question.parameters.items() if parameter.default is None}
-            now = kept.operator_query(shorter, name, asked)
-            then = kept.operator_query(store, name, asked, world.instant_s(last) + 1.0)
-            if name == "bearings":  # of the past, only those that were given to a vessel, without their rates
-                now = replaced(now, rate_deg_s=None)
-                then = replaced(then, updated_s=now.column("updated_s")[0])
-            assert then.columns == now.columns
-            for column in {"updated_s", "age_s"} & set(now.columns):  # of vessels that are heard again soon: at the latest
-                off_s = np.subtract(then.column(column), now.column(column)) * (-1.0 if column == "age_s" else 1.0)
-                assert ((off_s >= 0.0) & (off_s <= 1.0)).all(), name
-                then, now = replaced(then, **{column: None}), replaced(now, **{column: None})
-            assert then.rows == now.rows, name
-        assert kept.operator_query(store, "fastest").rows  # what was temporary is gone
+@pytest.mark.parametrize("last", ENDS)
+def test_every_question_at_an_instant_is_answered_as_it_was_then(
+    store: Store, last: int, answers: dict[int, dict[str, kept.Rows]]
+) -> None:
+    """A question about now was asked when the cycle was the newest; one about then asks the whole database."""
+    for name, now in answers[last].items():
+        then = kept.operator_query(store, name, required(name), world.instant_s(last) + 1.0)
+        if name == "bearings":  # of the past, only those that were given to a vessel, without their rates
+            now = replaced(now, rate_deg_s=None)
+            then = replaced(then, updated_s=now.column("updated_s")[0])
+        assert then.columns == now.columns
+        for column in {"updated_s", "age_s"} & set(now.columns):  # of vessels that are heard again soon: at the latest
+            off_s = np.subtract(then.column(column), now.column(column)) * (-1.0 if column == "age_s" else 1.0)
+            assert ((off_s >= 0.0) & (off_s <= 1.0)).all(), name
+            then, now = replaced(then, **{column: None}), replaced(now, **{column: None})
+        assert then.rows == now.rows, name
+    assert kept.operator_query(store, "fastest").rows  # what was temporary is gone
 
 
 def test_a_question_before_the_first_cycle_is_refused(store: Store) -> None:
