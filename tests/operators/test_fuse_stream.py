@@ -18,13 +18,13 @@ from scaling.load.ais_feed import write_feed
 pytestmark = pytest.mark.whole
 
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time
-SENTENCES = 2 * BLOCK  # the first cycle is stored long before the end of the file is read
+SENTENCES = 5 * BLOCK // 4  # the first cycle is stored long before the end of the file is read
 
 
 @pytest.fixture(scope="module")
 def feed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("feed") / "feed.nmea"
-    write_feed(path, SENTENCES, 400, 1)
+    write_feed(path, SENTENCES, 800, 1)
     return path
 
 

@@ -23,13 +23,16 @@ PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first tim
 KILLS = 2
 LONG = {
     "input.count": "40",
-    "cycles": "80",
+    "cycles": "40",
     "warmup_s": "30.0",
     "store.checkpoint_every": "4",
     "tracks.plot_origin": "estimated",  # by the default tracker
     "input.radar.clutter_per_m2": "5e-7",
 }
-"""Some seconds: long enough to be killed three times. A checkpoint now and then, so that what is resumed lies before what is stored."""
+"""Some seconds: long enough to be killed twice. A checkpoint now and then, so that what is resumed lies before what is stored."""
+
+WHOLE = 50
+"""Cycles of the whole run: 10 to warm up, and 40."""
 
 
 def command(path: Path, *words: str) -> list[str]:
@@ -58,7 +61,7 @@ def test_killed_at_random_moments_it_resumes_to_the_rows_of_an_uninterrupted_run
     path, rng = tmp_path / "x.db", np.random.default_rng([SEED, 1])
     for kill in range(KILLS):
         started = start(*command(path, "--resume"))
-        wait_for(path, 20 + 30 * kill, started)
+        wait_for(path, 12 + 16 * kill, started)
         time.sleep(0.1 * rng.random())
         started.send_signal(signal.SIGKILL)
         started.communicate()
@@ -68,7 +71,7 @@ def test_killed_at_random_moments_it_resumes_to_the_rows_of_an_uninterrupted_run
         with open_store(url(path)) as opened:
             assert store.runs(opened).column("status") == ["died"]
             assert store.run_status(opened, 1) == "died"
-        assert stored(path) < 90
+        assert stored(path) < WHOLE
     started = start(*command(path, "--resume"))
     _, err = started.communicate(timeout=PATIENCE_S)
     assert started.returncode == 0, err
@@ -86,13 +89,13 @@ def test_an_interrupt_ends_after_a_whole_cycle_and_resume_goes_on(
 ) -> None:
     path = tmp_path / "x.db"
     started = start(*command(path))
-    wait_for(path, 30, started)
+    wait_for(path, 20, started)
     started.send_signal(signal.SIGINT)
     _, err = started.communicate(timeout=PATIENCE_S)
     assert started.returncode == 130, err
     assert column(path, "SELECT status FROM run") == ["interrupted"]
     cycles = stored(path)
-    assert 30 <= cycles < 90
+    assert 20 <= cycles < WHOLE
     assert column(path, "SELECT max(number) + 1 FROM cycle") == [cycles]
     assert column(path, "SELECT max(cycle) + 1 FROM spot") == [cycles]
     assert check(url(path)) == []
