@@ -1,5 +1,7 @@
 """Bearings as measurements of vessels: which vessel, what they change, how long they hold one without radar, two boats in one echo."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -38,9 +40,9 @@ STATION_ID = 2 * 2**40  # of the first bearing track
 KINDS = np.array([0, 1, 2])
 
 
-def sensors():
+def sensors(sigma_rad=SIGMA_RAD):
     none = np.zeros((0, 2))
-    sonar = Sonars(np.array(["s"]), SONAR[None], *(np.array([x]) for x in (2e4, SIGMA_RAD, 3.0, 0.0, 360.0)))
+    sonar = Sonars(np.array(["s"]), SONAR[None], *(np.array([x]) for x in (2e4, sigma_rad, 3.0, 0.0, 360.0)))
     radar = Radars(np.array(["r"]), np.array([0]), HOME[None], *(np.array([x]) for x in (2e4, 3.0, 10.0, 0.01)))
     return Sensors(radar, Stations(np.zeros(0, "U1"), none, np.zeros(0)), sonar, ("a",), HOME[None])
 
@@ -70,10 +72,10 @@ def line_of(vessel, time_s):
     return np.arctan2(off[:, 0], off[:, 1])
 
 
-def bearing_tracks(rng, vessel, time_s, bias_rad=0.0):
+def bearing_tracks(rng, vessel, time_s, bias_rad=0.0, sigma_rad=SIGMA_RAD):
     vessel = np.asarray(vessel, np.int64)
     n = len(vessel)
-    said = wrap_rad(line_of(vessel, time_s) + rng.normal(0.0, SIGMA_RAD, n) + bias_rad)
+    said = wrap_rad(line_of(vessel, time_s) + rng.normal(0.0, sigma_rad, n) + bias_rad)
     stamp, site, window = np.full(n, time_s), np.tile(SONAR, (n, 1)), np.zeros((n, 1))
     return BearingTracks(
         STATION_ID + vessel,
@@ -88,12 +90,12 @@ def bearing_tracks(rng, vessel, time_s, bias_rad=0.0):
         window,
         window,
         np.zeros((n, 1, 2)),
-        np.full((n, 1), SIGMA_RAD**2),
+        np.full((n, 1), sigma_rad**2),
         np.zeros((n, 7), np.int64),
         vessel,
         stamp,
         said,
-        np.full(n, SIGMA_RAD**2),
+        np.full(n, sigma_rad**2),
         site,
     )
 
@@ -101,15 +103,16 @@ def bearing_tracks(rng, vessel, time_s, bias_rad=0.0):
 class Centre:
     """Fused tracks and picture with the true association of bearings, certain or not."""
 
-    def __init__(self, method=None, seed=1, probability=CERTAIN, bias_rad=0.0):
+    def __init__(self, method=None, seed=1, probability=CERTAIN, bias_rad=0.0, sigma_rad=SIGMA_RAD):
         self.method, self.identity = method or CentralImm(), Identity(coast_s=0.0)
         self.memory, self.picture_memory, self.before = self.method.init(), self.identity.init(), None
-        self.rng, self.sensors, self.probability, self.bias_rad = np.random.default_rng(seed), sensors(), probability, bias_rad
+        self.rng, self.sensors, self.probability = np.random.default_rng(seed), sensors(sigma_rad), probability
+        self.bias_rad, self.sigma_rad = bias_rad, sigma_rad
 
     def step(self, time_s, seen, heard, generation=0):
         """One cycle: vessels with plots, and with bearings. Returns: picture, fused tracks."""
         tracks, measured = radar_tracks(self.rng, seen, time_s, generation)
-        bearings = bearing_tracks(self.rng, heard, time_s, self.bias_rad)
+        bearings = bearing_tracks(self.rng, heard, time_s, self.bias_rad, self.sigma_rad)
         none = np.zeros(0, np.int64)
         groups = Associations(none, none, np.zeros(0), np.arange(len(tracks)))
         given = VesselBearings.empty()
@@ -137,37 +140,43 @@ def across_error_m(picture, vessel, time_s):
     return abs(off @ np.array([np.cos(line), -np.sin(line)]))
 
 
-def errors(method, probability=CERTAIN, bias_rad=0.0):
-    out = []
-    for seed in range(6):
-        centre = Centre(method, seed, probability, bias_rad)
-        for cycle in range(SEEN):
-            picture, _ = centre.step(PERIOD_S * cycle, [0], [0])
-        out.append(across_error_m(picture, 0, PERIOD_S * (SEEN - 1)))
-    return np.array(out)
+@cache
+def error_m(setting: tuple[str, float], probability: float, bias_rad: float, sigma_rad: float, seed: int) -> float:
+    """Error across the line of sight after SEEN cycles. Args: setting: a name of CentralImm and its value."""
+    centre = Centre(CentralImm(**dict([setting])), seed, probability, bias_rad, sigma_rad)
+    for cycle in range(SEEN):
+        picture, _ = centre.step(PERIOD_S * cycle, [0], [0])
+    return across_error_m(picture, 0, PERIOD_S * (SEEN - 1))
+
+
+AS_SHIPPED, UNHEARD = ("bearing_floor_m", CentralImm().bearing_floor_m), ("bearing_probability", 1.0)
+
+
+def errors(setting=AS_SHIPPED, probability=CERTAIN, bias_rad=0.0, sigma_rad=SIGMA_RAD, seeds=2):
+    return np.array([error_m(setting, probability, bias_rad, sigma_rad, seed) for seed in range(seeds)])
 
 
 def test_a_bearing_moves_the_vessel_across_the_line_of_sight():
     """0.5 degrees at 4 km are 35 m, beside plots of 60 m."""
-    assert np.mean(errors(CentralImm()) ** 2) < 0.8 * np.mean(errors(CentralImm(bearing_probability=1.0)) ** 2)
+    assert np.mean(errors(seeds=6) ** 2) < 0.8 * np.mean(errors(UNHEARD, seeds=6) ** 2)
 
 
-def test_a_bearing_coarser_than_the_filter_does_not_move_a_vessel_with_plots(monkeypatch):
+def test_a_bearing_coarser_than_the_filter_does_not_move_a_vessel_with_plots():
     """3 degrees at 4 km are 210 m, beside a filter on plots of 60 m."""
-    monkeypatch.setattr("test_vessel_bearings.SIGMA_RAD", np.radians(3.0))
-    nothing_said = errors(CentralImm(bearing_floor_m=1e6))
-    np.testing.assert_allclose(errors(CentralImm()), nothing_said, atol=0.01)
-    assert np.abs(errors(CentralImm(bearing_pause_s=0.0)) - nothing_said).max() > 1.0
+    coarse = {"sigma_rad": np.radians(3.0)}
+    nothing_said = errors(("bearing_floor_m", 1e6), **coarse)
+    np.testing.assert_allclose(errors(**coarse), nothing_said, atol=0.01)
+    assert np.abs(errors(("bearing_pause_s", 0.0), **coarse) - nothing_said).max() > 1.0
 
 
 def test_the_known_bias_of_a_sensor_moves_nothing():
-    np.testing.assert_allclose(errors(CentralImm(), bias_rad=0.05), errors(CentralImm()), atol=1e-3)
+    np.testing.assert_allclose(errors(bias_rad=0.05), errors(), atol=1e-3)
 
 
 @pytest.mark.parametrize("probability", [0.98, np.nan])
 def test_a_bearing_that_may_be_of_another_vessel_changes_no_bit(probability):
-    unsure, without = errors(CentralImm(), probability), errors(CentralImm(bearing_probability=1.0))
-    np.testing.assert_array_equal(unsure, without)
+    assert not np.array_equal(errors(), errors(UNHEARD)), "a certain one does"
+    np.testing.assert_array_equal(errors(probability=probability), errors(UNHEARD))
 
 
 def test_a_bearing_far_from_its_vessel_is_not_used():

@@ -27,7 +27,7 @@ from coastwatch.store.schema.tables import METADATA, RUN, STAGE_TIMING
 pytestmark = pytest.mark.contract
 
 
-def everything(store: Store) -> dict[str, list[tuple[Any, ...]]]:
+def everything(store: Store) -> dict[str, list[str]]:
     """All rows of all tables but the run itself, sorted."""
     tables = {name: table for name, table in METADATA.tables.items() if name != "run"}
     with reading(store) as connection:
@@ -91,8 +91,17 @@ def test_cycles_come_in_order(url: str) -> None:
     assert check(url) == []
 
 
+@pytest.fixture(scope="module")
+def straight() -> dict[str, dict[str, list[str]]]:
+    """The rows of a run that never stopped, by the kind of database; the first test of a kind writes them."""
+    return {}
+
+
 @pytest.mark.parametrize("again_from", [0, 4, 9, 10])
-def test_a_run_that_goes_on_from_a_checkpoint_ends_as_one_that_never_stopped(url: str, again_from: int) -> None:
+def test_a_run_that_goes_on_from_a_checkpoint_ends_as_one_that_never_stopped(
+    url: str, again_from: int, straight: dict[str, dict[str, list[str]]]
+) -> None:
+    kind = url.partition(":")[0]
     with kept.open_store(url) as store:
         run = world.begin(store)
         for number in range(10):
@@ -110,11 +119,13 @@ def test_a_run_that_goes_on_from_a_checkpoint_ends_as_one_that_never_stopped(url
         assert all(rows == [] for rows in everything(store).values())
         again = world.begin(store)
         assert again == run + 1
-        for number in range(14):
-            world.write(store, again, number)
-        straight = everything(store)
-    assert {name: len(rows) for name, rows in resumed.items()} == {name: len(rows) for name, rows in straight.items()}
-    assert resumed == {name: [row.replace(f"({again},", f"({run},", 1) for row in rows] for name, rows in straight.items()}
+        if kind not in straight:
+            for number in range(14):
+                world.write(store, again, number)
+            found = everything(store)
+            straight[kind] = {name: [row.replace(f"({again},", f"({run},", 1) for row in rows] for name, rows in found.items()}
+    assert {name: len(rows) for name, rows in resumed.items()} == {name: len(rows) for name, rows in straight[kind].items()}
+    assert resumed == straight[kind]
 
 
 def test_a_checkpoint_larger_than_a_piece_comes_back_whole(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
