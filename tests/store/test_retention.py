@@ -26,7 +26,7 @@ from coastwatch.store.write import retention
 
 pytestmark = pytest.mark.contract
 
-CYCLES = 60
+CYCLES = 40
 HOURS = 20 * world.PERIOD_S / 3600.0  # twenty cycles
 KEEP = StoreSettings(history_hours=HOURS, details_hours=HOURS / 2.0, history_max_s=21.0)
 
@@ -129,7 +129,7 @@ def test_the_log_is_moved_into_the_database_again_and_again(tmp_path: Path) -> N
     with kept.open_store(str(path)) as store:
         run = world.begin(store)
         sizes = []
-        for number in range(60):
+        for number in range(30):
             written = world.write_and_say(store, run, number, 600)
             assert written.warning is None
             sizes.append(Path(f"{path}-wal").stat().st_size)
