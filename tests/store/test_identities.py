@@ -18,7 +18,7 @@ from coastwatch.store.schema.tables import IDENTITY
 
 pytestmark = pytest.mark.contract
 
-CYCLES = 40
+CYCLES = 30
 MMSI = np.array([710_000_001, 710_000_002, 710_000_003, 710_000_004, -1])
 
 

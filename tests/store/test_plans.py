@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import past_world
@@ -65,8 +66,9 @@ def _left(store: Store) -> int:
         return int(connection.execute(gone).scalar_one())
 
 
-@pytest.fixture
-def filled(url: str) -> Iterator[tuple[Store, int]]:
+@contextmanager
+def written(url: str) -> Iterator[tuple[Store, int]]:
+    """A store with a recorded run of the sea with a past, and the number of the run."""
     with kept.open_store(url) as store:
         run = world.begin(store)
         keep = past_world.KEEP.model_copy(update={"recording": True})
@@ -75,6 +77,12 @@ def filled(url: str) -> Iterator[tuple[Store, int]]:
             with store.engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
                 connection.execute(text("ANALYZE"))
         yield store, run
+
+
+@pytest.fixture(scope="module")
+def filled(shared_url: str) -> Iterator[tuple[Store, int]]:
+    with written(shared_url) as made:
+        yield made
 
 
 @pytest.fixture
@@ -188,10 +196,14 @@ def _steps(table: str, statement: str, plan: str) -> list[str]:
     return out
 
 
-def test_a_box_of_the_past_is_found_by_its_index(sqlite: tuple[Store, int]) -> None:
-    store, run = sqlite
-    with store.engine.begin() as connection:
-        connection.exec_driver_sql("UPDATE cycle SET recorded = 0")  # else a box then is of the recording
+def test_a_box_of_the_past_is_found_by_its_index(tmp_path: Path) -> None:
+    with written(str(tmp_path / "x.db")) as (store, run):
+        with store.engine.begin() as connection:
+            connection.exec_driver_sql("UPDATE cycle SET recorded = 0")  # else a box then is of the recording
+        _found_by_the_index(store, run)
+
+
+def _found_by_the_index(store: Store, run: int) -> None:
     for name in ("box then", "traffic", "encounters"):
         with said(store.engine) as statements:
             ASKED[name](store, run)

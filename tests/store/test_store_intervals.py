@@ -52,7 +52,7 @@ def test_a_large_picture_is_written_at_an_interval(url: str) -> None:
         for number in range(9):
             world.write(store, run, number, keep=keep, last=number == 8)
             of_cycle.append(round((kept.picture(store, run).column("time_s")[0] - world.START_S) / world.PERIOD_S) - 1)
-            assert check(url) == []
+            assert number % 3 != 1 or check(url) == []  # between two pictures
         first_of_interval = [n for n in range(9) if n == 0 or world.instant_s(n) // 9.0 > world.instant_s(n - 1) // 9.0]
         assert of_cycle == [max(f for f in first_of_interval if f <= n) for n in range(8)] + [8]
         assert len(first_of_interval) == 4
@@ -61,6 +61,7 @@ def test_a_large_picture_is_written_at_an_interval(url: str) -> None:
         assert written == [*first_of_interval, 8]
         come = kept.track(store, run, 11)  # away in cycle 0
         assert come.vessel["in_picture"]
+    assert check(url) == []
 
 
 def test_after_a_restart_the_picture_is_not_of_a_cycle_to_come(url: str) -> None:
