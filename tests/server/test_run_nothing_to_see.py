@@ -37,7 +37,7 @@ def feed(method: str, **settings: Any) -> Any:
 def test_no_vessels_give_an_empty_picture(tmp_path: Path) -> None:
     path = tmp_path / "x.db"
     made = run(path, small(input__count="0"))
-    assert (made.vessels, made.cycles, stored(path)) == (0, 15, 15)
+    assert (made.vessels, made.cycles, stored(path)) == (0, 10, 10)
     assert all(found == [] for table, found in rows(path).items() if table not in ("spot", "sensor_registration"))
     assert made.scores["fused_tracks"]["count"] == 0
     assert made.scores["fused_tracks"]["position_rmse_m"] is None
@@ -76,7 +76,7 @@ def test_vessels_without_a_bound_are_said_to_have_none(share: str, said: str, tm
 def test_one_vessel(tmp_path: Path) -> None:
     path = tmp_path / "x.db"
     settings = {"input__count": "1", "input__ais__share": "1.0", "input__area_width_nm": "1.0", "input__area_height_nm": "1.0"}
-    made = run(path, small(workers__method="processes", **settings), workers=2)
+    made = run(path, small(workers__method="threads", **settings), workers=2)
     assert made.vessels == 1
     assert set(column(path, "SELECT vessel_id FROM history")) == {1}
     assert check(url(path)) == []

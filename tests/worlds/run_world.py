@@ -61,8 +61,8 @@ def url(path: Path) -> str:
 
 
 def small(**settings: str) -> Scenario:
-    """context-driven-100 for 15 cycles, in three spots so that there is something to spread."""
-    given = {"cycles": "15", "warmup_s": "0.0", "spots.count": "3"}
+    """context-driven-100 for 10 cycles, in three spots so that there is something to spread."""
+    given = {"cycles": "10", "warmup_s": "0.0", "spots.count": "3"}
     return load_scenario("context-driven-100", given | {k.replace("__", "."): v for k, v in settings.items()})
 
 
