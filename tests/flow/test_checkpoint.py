@@ -217,30 +217,32 @@ def half_run(path: Path) -> None:
         run(path, small(cycles="6", store__checkpoint_every="1"), on_cycle=fail)
 
 
-@pytest.mark.parametrize(
-    ("kind", "reason"),
-    [
-        ("a pickle", FORMAT),
-        ("a function", NAMES + "os.system"),
-        ("an array of objects", DAMAGED),
-        ("a value", "it holds a dict"),
-    ],
-)
-def test_a_run_does_not_resume_from_it(kind: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+UNREADABLE = {
+    "a pickle": FORMAT,
+    "a function": NAMES + "os.system",
+    "an array of objects": DAMAGED,
+}
+"""Checkpoints of HOSTILE, and why a run does not resume from them."""
+
+
+def test_a_run_does_not_resume_from_what_is_no_checkpoint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "x.db"
     half_run(path)
-    saved = save({"cycle": 3}) if kind == "a value" else HOSTILE[kind][0]
-    with closing(sqlite3.connect(path)) as raw, raw:
-        raw.execute("DELETE FROM checkpoint WHERE piece > 0")
-        raw.execute("UPDATE checkpoint SET memory = ?", (saved,))
     given = {"cycles": "6", "warmup_s": "0.0", "spots.count": "3", "store.checkpoint_every": "1"}
     words = [word for key, value in given.items() for word in ("--set", f"{key}={value}")]
     command = ["run", "context-driven-100", "--seed", "2001", "--db", url(path), *words]
-    assert main([*command, "--resume"]) == 1
-    (said,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("coastwatch: error: ")]
-    assert said.startswith(f"coastwatch: error: run 1: its checkpoint cannot be read: {reason}")
-    assert "--restart" in said
-    assert RAN == []
+    for saved, reason in (
+        *((HOSTILE[kind][0], reason) for kind, reason in UNREADABLE.items()),
+        (save({"cycle": 3}), "it holds a dict"),
+    ):
+        with closing(sqlite3.connect(path)) as raw, raw:
+            raw.execute("DELETE FROM checkpoint WHERE piece > 0")
+            raw.execute("UPDATE checkpoint SET memory = ?", (saved,))
+        assert main([*command, "--resume"]) == 1
+        (said,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("coastwatch: error: ")]
+        assert said.startswith(f"coastwatch: error: run 1: its checkpoint cannot be read: {reason}")
+        assert "--restart" in said
+        assert RAN == []
     assert main([*command, "--restart"]) == 0
 
 
