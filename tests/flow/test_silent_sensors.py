@@ -21,6 +21,9 @@ from coastwatch.workers import open_workers
 pytestmark = pytest.mark.whole
 
 FAILS, RETURNS, ENDS = 80, 180, 215  # cycles of 3 s
+MERGED = (*range(FAILS, RETURNS, 3), *range(RETURNS, ENDS, 2))
+"""Cycles of 9 s in the silence and of 6 s after it, as a server that is late merges them."""
+
 SILENT = ("ais_silent", "radar_silent", "source_silent")
 PARTS = {"ais": ("ais", "statics"), "radars": ("radar",), "all": ("ais", "statics", "radar", "bearing")}
 
@@ -92,7 +95,7 @@ def same(one: Seen, other: Seen) -> None:
 def test_ais_that_fails_leaves_the_dark_vessels_as_they_are(world: World) -> None:
     before = world.before.dark[-1]
     assert before > 50
-    seen = world.play(world.before.memory, range(FAILS, ENDS), "ais")
+    seen = world.play(world.before.memory, MERGED, "ais")
     assert max(abs(dark - before) for dark in seen.dark) <= 4, "a few change without the failure too"
     assert seen.begun["dark"] <= 8
     assert {kind: seen.begun[kind] for kind in SILENT} == {"ais_silent": 1, "radar_silent": 0, "source_silent": 0}
@@ -103,7 +106,7 @@ def test_ais_that_fails_leaves_the_dark_vessels_as_they_are(world: World) -> Non
 
 
 def test_radars_that_fail_are_two_alarms_and_no_vessel_is_without_radar_or_lost(world: World) -> None:
-    seen = world.play(world.before.memory, range(FAILS, ENDS), "radars")
+    seen = world.play(world.before.memory, MERGED, "radars")
     assert {kind: seen.begun[kind] for kind in SILENT} == {"ais_silent": 0, "radar_silent": 2, "source_silent": 0}
     assert seen.ended["radar_silent"] == 2
     assert not set(seen.lost) & set(world.before.bits[-1][0].tolist())
