@@ -27,7 +27,7 @@ from coastwatch.store.schema.migrate import check
 
 pytestmark = pytest.mark.contract
 
-KILLS = 6
+KILLS = 4
 VESSELS = 600
 """Enough that a writer in a loop is inside a transaction most of the time."""
 
