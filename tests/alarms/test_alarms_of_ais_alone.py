@@ -94,8 +94,8 @@ def test_a_vessel_that_stops_sending_within_range_is_lost_once(period_s: float, 
 
 @pytest.mark.parametrize(("period_s", "merged"), [(1.0, 1), (3.0, 1), (10.0, 1), (1.0, 10)])
 def test_two_ships_on_collision_course_sound_more_than_a_minute_before(period_s: float, merged: int, tmp_path: Path) -> None:
-    """They meet after 480 s. The third one crosses ahead of them by a mile."""
-    knots, meet_s = 12.0, 480.0
+    """They meet after 300 s. The third one crosses ahead of them by a mile."""
+    knots, meet_s = 12.0, 300.0
     away_m = knots * KNOT_M_S * meet_s
     ways = [straight((-away_m, 0.0), knots, 90.0), straight((0.0, -away_m), knots, 0.0), straight((0.0, 1852.0), knots, 90.0)]
     ((sounded_s, said),) = events_of("close_approach", begun(scenario_of(tmp_path, ways, meet_s, period_s), merged))

@@ -298,7 +298,7 @@ def test_files_that_do_not_overlap_in_time_are_warned_of_with_both_spans(
         "\n".join([",".join(late[0]), *(",".join([f"{float(r[0]) + 400}", *r[1:]]) for r in late[1:])])
     )
     given = ["--plots", str(files / "plots.csv"), RADAR, "--ais", str(files / "late.csv"), "--columns", "time=when,mmsi=ship"]
-    assert main(["fuse", *given, "--db", f"sqlite:///{files / 'x.db'}", "--json"]) == 0
+    assert main(["fuse", *given, "--db", f"sqlite:///{files / 'x.db'}", "--json", "--set", "cycles=5"]) == 0
     found = capsys.readouterr()
     wanted = (
         "late.csv and plots.csv do not overlap in time: 2023-11-14T22:20:01Z to 2023-11-14T22:22:58Z, and "

@@ -405,8 +405,7 @@ def test_the_generator_connects_again_to_a_server_that_was_away() -> None:
     assert [data[:2] for data in taken] == [b"{}", b"{}"]
 
 
-@pytest.mark.parametrize("ended", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("transport", ["tcp", "listen"])
+@pytest.mark.parametrize(("transport", "ended"), [("tcp", signal.SIGINT), ("listen", signal.SIGTERM)])
 def test_the_generator_says_that_it_waits_and_is_ended_by_a_signal(
     transport: str, ended: signal.Signals, start: Start, tmp_path: Path
 ) -> None:
