@@ -21,9 +21,10 @@ LONGEST = (
     "whole/test_every_scenario",
     "tracks/test_ais_in_radar_tracks",
     "whole/test_context_driven",
-    "operators/test_land_on_map",
-    "server/test_run",
+    "reproduction/test_reproduce",
     "flow/test_silent_sensors",
+    "server/test_live",
+    "server/test_run",
 )
 """Begun first: a file is the work of one process, and a long one begun last would keep the others waiting. `test_ais_in_radar_tracks`
 compiles the kernels of all trackers, which several processes would do at once in the files after it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -52,19 +53,23 @@ def test_pure_resumable_and_invariant(method: Any) -> None:
     assert chosen > 50
 
 
-@pytest.mark.parametrize("kind", ["threads", "processes"])
+@pytest.fixture(scope="module", params=["threads", "processes"])
+def workers(request: pytest.FixtureRequest) -> Iterator[Any]:
+    with open_workers(request.param, 2) as opened:
+        yield opened
+
+
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
-def test_threads_and_processes_change_no_bit(method: Any, kind: str) -> None:
+def test_threads_and_processes_change_no_bit(method: Any, workers: Any) -> None:
     run = Run(method, bw.sensors_of(np.array([[0.0, 0.0], [3000.0, 0.0]]), 7000.0, (0.0, 360.0)), 150, 30)
     memory, chosen = method.init(), 0
-    with open_workers(kind, 2) as workers:
-        for t in range(3, 31, 3):
-            tracks, picture = run.inputs(t)
-            run.memory, found = run.associate(run.memory, tracks, picture, t)
-            memory, again = run.associate(memory, tracks, picture, t, workers.spots)
-            assert_same(again, found)
-            assert_same(memory, run.memory)
-            chosen += len(found.bearing_row)
+    for t in range(3, 31, 3):
+        tracks, picture = run.inputs(t)
+        run.memory, found = run.associate(run.memory, tracks, picture, t)
+        memory, again = run.associate(memory, tracks, picture, t, workers.spots)
+        assert_same(again, found)
+        assert_same(memory, run.memory)
+        chosen += len(found.bearing_row)
     assert chosen > 100
 
 

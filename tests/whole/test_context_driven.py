@@ -78,7 +78,7 @@ OF_PAPER = [
     and not (of.picture or of.serial or of.two_filters or of.track_loss or of.trackers)
     and hardest(of, figure)
 ]
-TINY = ("input.count=30", "cycles=4", "warmup_s=45.0")  # for what is slow, or only has to run
+TINY = ("input.count=16", "cycles=4", "warmup_s=45.0")  # for what is slow, or only has to run
 
 
 @cache
