@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import math
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -11,6 +12,10 @@ import pytest
 from nmea_sentences import ASSUMED, T0, checked, read, read_all, sentence, tagged, wire, write
 
 from coastwatch.batches import Radars, Sensors, Sonars, Stations
+from coastwatch.formats.decoding import Item
+from coastwatch.formats.intake.faults import Ledger, Tally
+from coastwatch.formats.nmea.ais import AisDecoder
+from coastwatch.formats.nmea.sentence_feed import SentenceFeed, made_sentence
 from coastwatch.sensors.recorded.nmea import feed as nmea
 from coastwatch.sensors.recorded.nmea.feed import Nmea
 from coastwatch.stage import Plan
@@ -204,3 +209,39 @@ def test_a_run_that_starts_in_the_middle_of_a_file_takes_the_last_hour_before(tm
     assert (first.received_s.min() - T0, first.received_s.max() - T0) == (3660.0, 7260.0)
     everything = replace(recording, reports=Nmea(files=(write(tmp_path, lines),)).stream().between(-np.inf, np.inf))
     assert len(everything.of_first_cycle(plan.start_s, plan.instant_s(0))) == 122
+
+
+PGHP = made_sentence("PGHP,1,2013,1,2,13,43,40,0,219,219,00,1,1C")
+CAME_S = T0 + 5.0
+ZDA = made_sentence("GPZDA,134338.00,02,01,2013,00,00")
+TTM = made_sentence("RATTM,01,1.00,10.0,T,5.0,90.0,T,,,N,,T,,,A")
+
+
+@pytest.mark.parametrize(
+    ("lines", "wanted_s"),
+    [
+        (["{}", PGHP, "{}", "{}"], [CAME_S, T0 + 2.0, CAME_S]),
+        (["{}", tagged(f"c:{T0 + 2.0:.0f}", ""), "{}", "{}"], [CAME_S, T0 + 2.0, CAME_S]),
+        ([ZDA, "{}", "{}"], [T0, T0]),
+        ([tagged("s:gyro", ZDA), "{}", PGHP, "{}", "{}"], [T0, T0 + 2.0, T0]),
+        ([PGHP, ZDA, "{}", "{}"], [T0 + 2.0, T0]),
+        ([ZDA, ZDA[:-2] + "00", "{}"], [T0]),  # a damaged clock sentence
+    ],
+)
+@pytest.mark.parametrize("batch", [1, 2, 3, 9])
+def test_sentences_of_a_feed_have_the_same_times_in_batches_of_every_size(
+    lines: list[str], wanted_s: list[float], batch: int
+) -> None:
+    ais, targets = AisDecoder("live", 0, False), SentenceFeed("live", (b"TTM",), Tally(), Ledger())
+    targets_s: list[float] = []
+    for start in range(0, len(lines), batch):
+        part = lines[start : start + batch]
+        ais.decode([_item(line, sentence(mmsi=257000001 + start + k)[0]) for k, line in enumerate(part)], None)
+        targets_s += [fed.time_s for fed in targets.sentences([_item(line, TTM) for line in part])]
+    rows, _ = ais.due(-math.inf, math.inf)
+    assert sorted(rows.stamp_s.tolist()) == sorted(wanted_s)
+    assert targets_s == wanted_s
+
+
+def _item(line: str, wanted: str) -> Item:
+    return CAME_S, line.format(wanted).encode(), 0

@@ -20,8 +20,8 @@ from coastwatch.formats.intake.reception_time import repeated
 from coastwatch.formats.nmea.messages import Assembler, Messages, messages_where
 from coastwatch.formats.nmea.new_vessels import BEYOND, NewVessels
 from coastwatch.formats.nmea.payload import decoded
-from coastwatch.formats.nmea.sentence_feed import CLOCKS, MOST_AHEAD, made_sentence
-from coastwatch.formats.nmea.sentences import FURTHER, ais_sentences
+from coastwatch.formats.nmea.sentence_feed import made_sentence
+from coastwatch.formats.nmea.sentences import FURTHER, LinesBefore, ais_sentences
 
 ANY_LATENESS_S = 1e9
 """Stamps are judged when rows come, not in the order of a file."""
@@ -46,8 +46,7 @@ class _Sender:
         self.stamps = Stamps(name, checked, tally)
         self._name, self._checked, self._tally, self._ledger = name, checked, tally, ledger
         self._assembler = Assembler(name, tally)
-        self._ahead: list[Item] = []  # lines that belong to the next sentence
-        self._clock: list[Item] = []  # the last clock sentence
+        self._before = LinesBefore()
 
     @property
     def waiting(self) -> int:
@@ -56,12 +55,8 @@ class _Sender:
 
     def messages(self, items: list[Item], lines_before: int) -> Messages:
         """The messages that are whole, with their times. Args: lines_before: of the feed, for the numbers of lines."""
-        items, again = [*self._clock, *self._ahead, *items], len(self._clock)
-        self._clock, self._ahead = [], []
-        while items and len(self._ahead) < MOST_AHEAD and _is_ahead(items[-1][1]):
-            self._ahead.insert(0, items.pop())
-        self._clock = [item for item in items if item[1][3:6] in CLOCKS][-1:]
-        sentences = ais_sentences([line for _, line, _ in items], self._name, self._tally, self._ledger, again)
+        lines = [line for _, line, _ in items]
+        sentences = ais_sentences(lines, self._name, self._tally, self._ledger, self._before)
         messages = self._assembler.whole([s._replace(line=s.line + lines_before) for s in sentences], False)
         self._ledger.beside[FURTHER] += int(messages.sentences.sum()) - len(messages.line)
         arrived = np.array([when for when, _, _ in items], np.float64)
@@ -218,12 +213,6 @@ class Receivers:
         recent = when >= when.max(initial=-math.inf) - TWICE_WITHIN_S
         self._seen = every[recent], when[recent]
         return np.asarray(~again[len(every) - len(message) :])
-
-
-def _is_ahead(line: bytes) -> bool:
-    """Whether a line is a tag block or time alone, which belongs to the next line."""
-    line = line.strip()
-    return line.startswith(b"$PGHP") or (line.startswith(b"\\") and b"!" not in line and b"$" not in line)
 
 
 def encode(reports: Reports, names: SensorNames) -> list[bytes]:

@@ -12,16 +12,7 @@ from coastwatch.formats.decoding import Item
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.timestamps import checksum
 from coastwatch.formats.nmea.messages import UNDECODABLE
-from coastwatch.formats.nmea.sentences import CHECKSUM, wanted_sentences
-
-MOST_AHEAD = 16
-"""Lines at the end of what came that may belong to the next sentence."""
-
-CLOCKS = b"ZDA", b"RMC"
-"""Formatters of sentences that say what time it is."""
-
-AHEAD = b"$PGHP", b"\\"
-"""Beginnings of lines that may belong to the next sentence."""
+from coastwatch.formats.nmea.sentences import CHECKSUM, LinesBefore, wanted_sentences
 
 
 class FedSentence(NamedTuple):
@@ -40,29 +31,14 @@ class SentenceFeed:
         """Args: name: of the feed; tally, ledger: of it."""
         self._name, self._wanted, self._tally, self._ledger = name, wanted, tally, ledger
         self._seen = 0  # lines that have come
-        self._before: list[Item] = []  # the last clock sentence, and lines that belong to the next sentence
-        self._again = 0  # of them, lines that were decoded before
+        self._before = LinesBefore()
 
     def sentences(self, items: list[Item]) -> Iterator[FedSentence]:
         """The wanted sentences of lines that have come, in order. Other lines are counted."""
+        first = self._seen
         self._seen += len(items)
-        items, again = [*self._before, *items], self._again
-        ahead = len(items)
-        while (
-            ahead
-            and len(items) - ahead < MOST_AHEAD
-            and items[ahead - 1][1].strip().startswith(AHEAD)
-            and b"*" not in items[ahead - 1][1].rpartition(b"\\")[2]
-        ):
-            ahead -= 1
-        items, waiting = items[:ahead], items[ahead:]
-        first = self._seen - len(waiting) - len(items)
-        clock = [item for item in items if item[1][3:6] in CLOCKS][-1:]
-        self._before, self._again = [*clock, *waiting], len(clock)
         lines = [line for _, line, _ in items]
-        for received in wanted_sentences(lines, self._name, self._tally, self._wanted, self._ledger, again):
-            if received.line <= again:
-                continue
+        for received in wanted_sentences(lines, self._name, self._tally, self._wanted, self._ledger, self._before):
             arrived_s = items[received.line - 1][0]
             stamps = (s for s in (received.own_s, received.clock_s, arrived_s) if not math.isnan(s))
             where = f"{self._name}:{first + received.line}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from coastwatch.formats.intake.faults import SET_ASIDE, Ledger, Tally
@@ -57,32 +58,44 @@ class _Prefix(NamedTuple):
 NO_PREFIX = _Prefix()
 
 
+@dataclass
+class LinesBefore:
+    """What the lines of a sender so far say of its next sentences, for lines that come in several calls."""
+
+    clock_s: float = math.nan  # of the last clock sentence; NaN: none
+    prefix: _Prefix = NO_PREFIX  # of lines that belong to the next sentence
+
+
 def ais_sentences(
-    lines: Iterable[bytes], name: str, tally: Tally, ledger: Ledger | None = None, again: int = 0
+    lines: Iterable[bytes], name: str, tally: Tally, ledger: Ledger | None = None, before: LinesBefore | None = None
 ) -> Iterator[ReceivedSentence]:
     """As `wanted_sentences`, of AIS."""
-    return wanted_sentences(lines, name, tally, AIS_SENTENCES, ledger, again)
+    return wanted_sentences(lines, name, tally, AIS_SENTENCES, ledger, before)
 
 
 def wanted_sentences(
-    lines: Iterable[bytes], name: str, tally: Tally, wanted: tuple[bytes, ...], ledger: Ledger | None = None, again: int = 0
+    lines: Iterable[bytes],
+    name: str,
+    tally: Tally,
+    wanted: tuple[bytes, ...],
+    ledger: Ledger | None = None,
+    before: LinesBefore | None = None,
 ) -> Iterator[ReceivedSentence]:
     """The sentences with these formatters among the lines, in order. Other lines are counted in the tally.
 
     A $PGHP line, or a tag block alone on its line, belongs to the next sentence. A sentence of a group without a time of
     its own takes that of the group.
-    Args: ledger: counts the lines that are neither blank nor comments, and those of times and tag blocks among them; again: the
-    first lines were given before, and are not counted again.
+    Args: ledger: counts the lines that are neither blank nor comments, and those of times and tag blocks among them; before: of
+    the calls before, and brought up to date at the end of these lines.
     """
-    counters = Ledger() if ledger is None else ledger, tally
-    clock = math.nan
-    waiting = NO_PREFIX
+    ledger = Ledger() if ledger is None else ledger
+    before = LinesBefore() if before is None else before
+    clock, waiting = before.clock_s, before.prefix
     groups: dict[bytes, float] = {}
     for number, raw in enumerate(lines, 1):
         line = raw.strip()
         if not line or line[:1] == b"#":
             continue
-        ledger, tally = counters if number > again else (Ledger(), Tally())
         ledger.read += 1
         usual = TAGGED.fullmatch(line) if waiting is NO_PREFIX else None
         if usual is not None:
@@ -120,6 +133,7 @@ def wanted_sentences(
                 del groups[next(iter(groups))]
         waiting = NO_PREFIX
         yield ReceivedSentence(number, rest[: star + 3], time_s, clock, ahead.group or ahead.station)
+    before.clock_s, before.prefix = clock, waiting
 
 
 def _prefix(line: bytes, waiting: _Prefix, where: str, tally: Tally) -> tuple[_Prefix, bytes, bool]:
