@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 from contextlib import ExitStack
 
@@ -20,7 +21,7 @@ from coastwatch.errors import AddressError
 from coastwatch.operators.cli.serving import bound
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.sending import _Datagrams
-from coastwatch.server.feeds.transport import Inbox
+from coastwatch.server.feeds.transport import LONGEST_LINE, Inbox, _read_stream
 from coastwatch.server.link import Backoff, notice_loss
 
 pytestmark = pytest.mark.whole
@@ -51,6 +52,23 @@ def test_each_wait_is_twice_the_one_before_up_to_the_longest(failures: int, wait
 def test_an_address_of_no_feed_is_refused(text: str) -> None:
     with pytest.raises(AddressError, match="needed"):
         parsed(text)
+
+
+@pytest.mark.parametrize("end", [b"", b"\n"])
+@pytest.mark.parametrize(("length", "is_kept"), [(LONGEST_LINE, True), (LONGEST_LINE + 1, False), (3 * LONGEST_LINE, False)])
+def test_a_last_line_that_is_too_long_is_dropped_and_counted_with_and_without_its_end(
+    end: bytes, length: int, is_kept: bool
+) -> None:
+    async def read(inbox: Inbox) -> None:
+        reader = asyncio.StreamReader()
+        reader.feed_data(b"#\n" + b"x" * length + end)
+        reader.feed_eof()
+        await _read_stream(inbox, reader, 0)
+
+    inbox = Inbox(parsed("ais+tcp://x:1"))
+    asyncio.run(read(inbox))
+    assert [len(line) for _, line, _ in inbox.pop_first(9)] == [1, *[length] * is_kept]
+    assert inbox.dropped == (not is_kept)
 
 
 def test_a_taken_port_and_an_unknown_radar_are_refused() -> None:

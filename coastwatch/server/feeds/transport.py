@@ -308,8 +308,7 @@ async def _read_stream(
         rest = _put_lines(inbox, rest + data, len(data), sender)
         while inbox.is_full:
             await asyncio.sleep(FULL_WAIT_S)
-    if rest:
-        inbox.put([rest], 0, sender)
+    _put_last_line(inbox, rest, sender)
 
 
 def _put_lines(inbox: Inbox, data: bytes, size: int, sender: int) -> bytes:
@@ -319,6 +318,12 @@ def _put_lines(inbox: Inbox, data: bytes, size: int, sender: int) -> bytes:
     inbox.dropped += len(lines) - len(good)
     inbox.put(good, size, sender)
     return rest if len(rest) <= LONGEST_LINE else rest[: LONGEST_LINE + 1]  # so long that it is dropped, whatever follows
+
+
+def _put_last_line(inbox: Inbox, rest: bytes, sender: int) -> None:
+    """Put a line into the inbox whose end will not come any more. Args: rest: what came of it, maybe nothing."""
+    if rest:
+        _put_lines(inbox, rest + b"\n", 0, sender)
 
 
 class GrowingFile:
@@ -390,7 +395,7 @@ async def _tailed(inbox: Inbox) -> None:
                 inbox.connected, inbox.error = 0, str(error.strerror or error)
             for file in files[:-1]:
                 if loop.time() - file.grown_s >= FORMER_S:
-                    _put_rest(file, inbox)
+                    _put_last_line(inbox, file.rest, file.sender)
                     file.close()
                     files.remove(file)
             await asyncio.sleep(TAIL_WAIT_S)
@@ -404,20 +409,13 @@ def _read_added(file: GrowingFile, inbox: Inbox, at_s: float) -> bool:
     if inbox.is_full:
         return False
     if file.is_emptied():
-        _put_rest(file, inbox)
-        file.sender = inbox.new_sender()
+        _put_last_line(inbox, file.rest, file.sender)
+        file.rest, file.sender = b"", inbox.new_sender()
         inbox.connections += 1
     data = file.read_added(16 * READ_BYTES)
     file.rest = _put_lines(inbox, file.rest + data, len(data), file.sender)
     file.grown_s = at_s if data or not file.grown_s else file.grown_s
     return bool(data)
-
-
-def _put_rest(file: GrowingFile, inbox: Inbox) -> None:
-    """Put the line at the end of a file into the inbox, though its end will not come any more."""
-    if file.rest:
-        inbox.put([file.rest], 0, file.sender)
-        file.rest = b""
 
 
 async def _subscribed(inbox: Inbox) -> None:
