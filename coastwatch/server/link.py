@@ -12,6 +12,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from operator import attrgetter
+from pathlib import Path
 from typing import TypedDict, Unpack
 
 from coastwatch.server.clock import now_s
@@ -188,6 +189,12 @@ class Reconnecting:
             self.link.connected = 0
         got_somewhere = self.progress(self.link) > before and not is_defect
         self._failures = 1 if got_somewhere else self._failures + 1
+
+
+def first_line(path: str) -> str:
+    """The token, password or secret in the first line of a file. Raises: OSError that names it; UnicodeDecodeError."""
+    with Path(path).open(encoding="utf-8") as file:
+        return file.readline().strip()
 
 
 def notice_loss(connection: socket.socket) -> None:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import socket
+import sys
 from contextlib import ExitStack
+from pathlib import Path
+from types import SimpleNamespace
+from typing import NoReturn
 
 import pytest
 from feed_world import (
@@ -21,7 +25,7 @@ from coastwatch.errors import AddressError
 from coastwatch.operators.cli.serving import bound
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.sending import _Datagrams
-from coastwatch.server.feeds.transport import LONGEST_LINE, Inbox, _read_stream
+from coastwatch.server.feeds.transport import LONGEST_LINE, Inbox, _read_stream, _subscribed
 from coastwatch.server.link import Backoff, notice_loss
 
 pytestmark = pytest.mark.whole
@@ -69,6 +73,22 @@ def test_a_last_line_that_is_too_long_is_dropped_and_counted_with_and_without_it
     asyncio.run(read(inbox))
     assert [len(line) for _, line, _ in inbox.pop_first(9)] == [1, *[length] * is_kept]
     assert inbox.dropped == (not is_kept)
+
+
+def test_the_password_of_a_broker_is_the_first_line_without_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    passwords: list[str | None] = []
+
+    def client(*unused: object, password: str | None, **more: object) -> NoReturn:
+        passwords.append(password)
+        raise OSError("no broker")
+
+    monkeypatch.setitem(sys.modules, "aiomqtt", SimpleNamespace(Client=client, MqttError=OSError, TLSParameters=None))
+    file = tmp_path / "password"
+    for content in (b"s3cret", b"s3cret\nmore\n", b"s3cret\r\nmore\r\n"):
+        file.write_bytes(content)
+        with pytest.raises(OSError, match="no broker"):
+            asyncio.run(_subscribed(Inbox(parsed(f"ais+mqtt://x/ais?user=me&password-file={file}"))))
+    assert passwords == 3 * ["s3cret"]
 
 
 def test_a_taken_port_and_an_unknown_radar_are_refused() -> None:

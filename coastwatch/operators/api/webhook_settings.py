@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import hmac
 from dataclasses import dataclass
-from pathlib import Path
 from urllib.parse import urlsplit
 
 from coastwatch.batches import ALARM_KINDS
 from coastwatch.errors import InputError
+from coastwatch.server.link import first_line
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def secret_of(path: str | None) -> str:
     if path is None:
         return ""
     try:
-        secret = Path(path).read_text("utf-8").partition("\n")[0].strip()
+        secret = first_line(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
     if not secret:

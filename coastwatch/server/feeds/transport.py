@@ -27,7 +27,7 @@ from coastwatch.formats.decoding import Item
 from coastwatch.formats.registry import FORMATS
 from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import MQTT_PORTS, Address
-from coastwatch.server.link import Backoff, Link, Reconnecting, notice_loss, reason_of
+from coastwatch.server.link import Backoff, Link, Reconnecting, first_line, notice_loss, reason_of
 
 MOST_ITEMS = 200_000
 """Lines or datagrams that may wait in an inbox."""
@@ -426,7 +426,7 @@ async def _subscribed(inbox: Inbox) -> None:
     tls = TLSParameters(ca_certs=address.options.get("ca-file")) if address.transport == "mqtts" else None
     try:
         path, user = address.options.get("password-file"), address.options.get("user")
-        password = None if path is None else Path(path).read_text("utf-8").partition("\n")[0]
+        password = None if path is None else first_line(path)
         async with Client(address.host, address.port, username=user, password=password, tls_params=tls) as client:
             await client.subscribe(address.path, qos=1)
             inbox.opened()

@@ -20,7 +20,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from coastwatch.errors import AddressError
-from coastwatch.server.link import Backoff, Link, Reconnecting
+from coastwatch.server.link import Backoff, Link, Reconnecting, first_line
 from coastwatch.server.regions.link import IN_FLIGHT, Incoming, Position
 from coastwatch.server.regions.message import LARGEST_MESSAGE, PROTOCOLS, MessageError, RegionCycle, decode
 
@@ -99,12 +99,6 @@ def check_files(address: RegionAddress) -> None:
 def token_of(address: RegionAddress) -> str | None:
     """The token of a region's file. Raises: OSError that names the file."""
     return None if address.token_file is None else first_line(address.token_file)
-
-
-def first_line(path: str) -> str:
-    """The first line of a file. Raises: OSError that names it."""
-    with Path(path).open(encoding="utf-8") as file:
-        return file.readline().strip()
 
 
 @dataclass

@@ -24,14 +24,13 @@ from nats.js.api import AckPolicy, ConsumerConfig, DeliverPolicy, StreamConfig
 from nats.js.errors import NotFoundError
 
 from coastwatch.errors import StoreError
-from coastwatch.server.link import FeedState, Link, Reconnecting, reason_of
+from coastwatch.server.link import FeedState, Link, Reconnecting, first_line, reason_of
 from coastwatch.server.regions.client import (
     CLOSE_S,
     CONNECT_S,
     RETRY,
     Connection,
     RegionAddress,
-    first_line,
     token_of,
 )
 from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Position
