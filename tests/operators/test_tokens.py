@@ -141,6 +141,15 @@ def test_a_large_body_is_refused_and_a_token_may_ask_so_often(given: dict[str, s
     assert limits.wait_s("b") == 0.0
 
 
+def test_a_token_that_asks_on_keeps_its_limit_beside_many_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("coastwatch.operators.api.tokens.MOST_BUCKETS", 3)
+    limits = Limits(0.001, 5.0)
+    assert [limits.wait_s("busy") > 0.0 for _ in range(7)] == 5 * [False] + 2 * [True]
+    for number in range(9):
+        assert limits.wait_s(f"address {number}") == 0.0
+        assert limits.wait_s("busy") > 0.0
+
+
 def test_a_token_that_is_deleted_from_the_file_is_refused_at_once(tmp_path: Path) -> None:
     path = tmp_path / "tokens.toml"
     first, second = add(path, "first", "viewer", None), add(path, "second", "viewer", None)

@@ -158,12 +158,13 @@ class Limits:
 
     def __init__(self, a_second: float = A_SECOND, at_once: float = AT_ONCE) -> None:
         self._a_second, self._at_once = a_second, at_once
-        self._buckets: dict[str, _Bucket] = {}
+        self._buckets: dict[str, _Bucket] = {}  # the one that asked last is last
 
     def wait_s(self, who: str) -> float:
         """Take one request. Returns: seconds until the next one is allowed, 0: it is allowed now."""
         now_s = time.monotonic()
-        bucket = self._buckets.setdefault(who, _Bucket(self._at_once, now_s))
+        bucket = self._buckets.pop(who, None) or _Bucket(self._at_once, now_s)
+        self._buckets[who] = bucket
         bucket.left = min(bucket.left + (now_s - bucket.at_s) * self._a_second, self._at_once)
         bucket.at_s = now_s
         if len(self._buckets) > MOST_BUCKETS:
