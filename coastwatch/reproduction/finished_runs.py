@@ -16,12 +16,15 @@ from coastwatch.shipped import PACKAGE
 MEASURING = (
     "cycle_statistics.py",
     "measuring.py",
+    "region_inputs.py",
     "side_by_side.py",
     "systems.py",
     "targets.py",
     "track_loss.py",
+    "trackers.py",
     "two_filters.py",
-)  # of this folder; the others only present the records
+    "video_pictures.py",
+)  # of this folder; the others only present the records, or hold settings, which are in the key of a record
 
 
 def code() -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import re
@@ -317,6 +318,20 @@ def test_settings_seed_and_code_decide_the_key() -> None:
     assert not keys("a") & keys("b")
     assert not keys("a") & keys("a", "cycles=7")
     assert re.fullmatch(r"[\d.]+\+[0-9a-f]{12}", finished_runs.code())
+
+
+def test_the_digest_covers_every_module_of_the_folder_that_makes_records() -> None:
+    """All that `measuring` imports, but the settings: they are in the key."""
+    settings, folder = {"planning.py", "published.py"}, Path(finished_runs.__file__).parent
+    reached, waiting = set[str](), ["measuring.py"]
+    while waiting:
+        reached.add(name := waiting.pop())
+        for node in ast.walk(ast.parse((folder / name).read_text("utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("coastwatch.reproduction"):
+                own = (node.module or "").removeprefix("coastwatch.reproduction").lstrip(".")
+                files = {f"{own}.py"} if own else {f"{alias.name}.py" for alias in node.names}
+                waiting += files - reached - settings
+    assert set(finished_runs.MEASURING) == reached
 
 
 def test_every_piece_of_work_is_done_once_over_processes() -> None:
