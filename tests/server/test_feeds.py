@@ -39,9 +39,10 @@ from feed_world import (
 )
 from run_world import Start
 from server_world import wait_for
+from video_world import captured
 
 from coastwatch.batches import Reports
-from coastwatch.errors import AddressError
+from coastwatch.errors import AddressError, InputError
 from coastwatch.formats.decoding import JUMP
 from coastwatch.formats.nmea.ais import AisDecoder
 from coastwatch.scenario import load_scenario
@@ -425,6 +426,16 @@ def test_sentences_behind_tag_blocks_and_times_are_sent_with_the_lines_between(t
     (tmp_path / "some.nmea").write_bytes(b"\r\n".join(lines))
     to = parsed(f"ais+file://{tmp_path}/out.nmea")
     assert send(of_file(tmp_path / "some.nmea", ["ais"]), [to], 100.0, threading.Event()) == {to.text: 3}
+
+
+def test_a_capture_is_sent_as_ais_where_it_has_some(tmp_path: Path) -> None:
+    to = parsed(f"ais+file://{tmp_path}/out.nmea")
+    other = captured(tmp_path / "other.pcap", [(START_S, b"\x30\x00\x04\xff", 0)])
+    with pytest.raises(InputError, match=r"other\.pcap: got no AIS sentence in its packets, needed !AIVDM or !AIVDO"):
+        of_file(other, ["ais"])
+    assert len(list(of_file(other, ["asterix"]))) == len(list(of_file(other, ["ais", "asterix"]))) == 1
+    some = captured(tmp_path / "some.pcap", [(START_S, b"# a receiver", 0), (START_S, MESSAGE, 0)])
+    assert send(of_file(some, ["ais"]), [to], 100.0, threading.Event()) == {to.text: 2}
 
 
 @pytest.mark.slow

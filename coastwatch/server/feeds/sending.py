@@ -132,10 +132,13 @@ def of_file(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
     """The messages of a recording, as they are: of a capture by the times of its packets, else lines or video by their time stamps.
 
     Lines without a time go with the one before. Args: formats: to which they are sent. Raises: InputError: no feed can carry the file,
-    or it has lines and no sentence of AIS.
+    or AIS alone is asked for, and it has no sentence of it.
     """
     if is_capture(path):
-        packets = items_of(WireFile(str(path), formats[0], path), Tally())
+        capture = WireFile(str(path), formats[0], path)
+        if set(formats) == {"ais"} and not any(AIS_SENTENCE.search(line) for _, line, _ in items_of(capture, Tally())):
+            raise InputError(f"feed: {path}: got no AIS sentence in its packets, needed !AIVDM or !AIVDO")
+        packets = items_of(capture, Tally())
         return ((when_s, partial(_constant, formats, [message])) for when_s, message, _ in packets)
     name = next((name for name in formats if FORMATS[name].stamps is not None), "")
     if not name:
