@@ -232,7 +232,7 @@ class _Run:
     def begin(self, resume: bool, workers: int) -> Point:
         """Begin the input, and a new run; or go on with the one before, if `resume` finds a checkpoint. Returns: the first point.
 
-        A live run whose checkpoint is too old is not resumed. One that begins at a set instant is resumed whenever it is.
+        A live run whose checkpoint is too old is not resumed. One that begins at the same instant is resumed whenever it is.
         No other server may write into its database.
 
         Raises: InputError: another server of this machine writes one.
@@ -246,7 +246,8 @@ class _Run:
         self.recording, plan = self.source.begin(scenario, self.sensors, self.seed, self.stop, positions)
         if live is not None and before is not None:
             former = plan.model_copy(update={"start_s": store.run(self.store, before[0])["start_s"]})
-            if former == plan or 0.0 <= plan.start_s - former.instant_s(before[1]) <= RESUME_WITHIN_S:
+            after_s = round(plan.start_s - former.instant_s(before[1]), 6)  # without what rounding leaves
+            if former == plan or 0.0 <= after_s <= RESUME_WITHIN_S:
                 plan = former
             else:
                 before = None

@@ -7,6 +7,7 @@ import sqlite3
 import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +88,25 @@ def test_a_region_that_was_away_leaves_a_picture_equal_to_one_that_never_was(
     for table in TABLES:
         assert one[table] == other[table], table
     assert intake(broken) == [(seq, seq) for seq in range(1, CYCLES + 6 + AWAY)]
+
+
+@pytest.mark.parametrize("start_utc", [None, datetime(2012, 6, 1, tzinfo=UTC), datetime(2046, 6, 1, tzinfo=UTC)])
+@pytest.mark.parametrize("period_s", [PERIOD_S, 4 * PERIOD_S])
+def test_a_centre_of_regions_alone_begins_with_their_first_cycle_whenever_its_scenario_would(
+    start_utc: datetime | None, period_s: float, region: Region, tmp_path: Path
+) -> None:
+    scenario = centre_scenario().model_copy(update={"start_utc": start_utc, "period_s": period_s})
+    sensors, stop = scenario.sensors(), threading.Event()
+    region.write(2)
+    with listening(region.service, web=tmp_path) as where:
+        address = [parsed_region(f"ws://{where}?name=north")]
+        with LiveInput([], sensors, regions=address, clock="feeds") as source:
+            _, plan = source.begin(scenario, sensors, 1, stop, {})
+            assert plan.instant_s(0) == START_S + PERIOD_S
+            assert source.wait(plan.instant_s(0), stop)
+            assert len(source.between(plan.start_s, plan.instant_s(0)).tracks) == VESSELS
+            _, again = source.begin(scenario, sensors, 1, stop, {})  # as after a failure
+            assert again == plan
 
 
 def test_a_centre_that_does_not_wait_goes_on_without_a_region_and_counts_what_comes_late(

@@ -192,16 +192,12 @@ class LiveInput:
         stop: threading.Event,
         positions: Positions,
     ) -> tuple[Recording, Plan]:
-        """As of `Input`. With the clock of the feeds the run begins with the first report.
+        """As of `Input`. With the clock of the feeds the run begins with the first report, whatever `start_utc` of the scenario says.
 
-        `start_utc` of the scenario is when its simulation or files begin. Feeds have another time; only a centre that has regions
-        and no feeds begins then.
+        A centre that has regions and no feeds ends its first cycle with the first one of them.
         """
         start_s = float(math.floor(now_s()))
-        set_utc = scenario.start_utc if self._clock == "feeds" and not self._feeds else None
-        if set_utc is not None:
-            start_s = set_utc.timestamp()
-        from_s = start_s if self._clock == "wall" or set_utc is not None else 0.0
+        from_s = start_s if self._clock == "wall" else 0.0
         self._of_regions.close()  # of a run before this one
         self._regions = []
         for feed in self._feeds:
@@ -211,20 +207,22 @@ class LiveInput:
             self._regions.append(RegionIntake(connection, self._sources[address.name], self._clock == "wall"))
         if self._clock == "feeds":
             self._wait_for_first(stop)
-            first_s = self._first_s() if not self._has_begun else self._newest_s()
-            if set_utc is None and math.isfinite(first_s):
-                start_s = math.floor(first_s) - 1.0
+            first_s = self._newest_s() if self._has_begun and self._feeds else self._first_s()
+            if math.isfinite(first_s):
+                start_s = math.floor(first_s) - 1.0 if self._feeds else round(first_s - scenario.period_s, 6)
         self._has_begun, self._period_s = True, scenario.period_s
         return Recording(self, feeds=self._names), Plan(start_s=start_s, period_s=scenario.period_s, cycles=ENDLESS)
 
     def _wait_for_first(self, stop: threading.Event) -> None:
-        """Wait for the first records of feeds, or the first cycle of a region."""
+        """Wait for the first records of feeds, or the first cycle of a region; without feeds of each region."""
         before_s = None
         while not stop.is_set():
             for region in self._regions:
                 region.receive(FIRST_S)
             self._decode_feeds(math.inf, math.inf)
-            if math.isfinite(self._first_s()):
+            if math.isfinite(self._first_s()) and (
+                self._feeds or all(math.isfinite(region.first_s) for region in self._regions)
+            ):
                 before_s = before_s or time.monotonic()
                 of_feeds = sum(feed.inbox.received for feed in self._feeds)
                 if self._regions or of_feeds >= BEGIN_RECORDS or time.monotonic() - before_s > BEGIN_S:
