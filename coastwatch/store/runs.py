@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 import numpy as np
 from sqlalchemy import ColumnElement, Connection, Executable, RowMapping, Table, delete, func, insert, select, true, update
+from sqlalchemy.exc import DBAPIError
 
 from coastwatch.batches import Fault, Floats, Radars, Sensors, Sonars, SourceKind, Stations
 from coastwatch.errors import InputError, StoreError
 from coastwatch.store.journal import decompressed
 from coastwatch.store.processes import Presence, presence, this_process
 from coastwatch.store.rows import Rows, fetch_rows
-from coastwatch.store.schema.database import NotThere, Store, as_json, now_utc, reading, writing
+from coastwatch.store.schema.database import NotThere, Store, as_json, now_utc, reading, refusals, writing
 from coastwatch.store.schema.tables import (
     AIS_FEED,
     CHECKPOINT,
@@ -44,6 +47,15 @@ DEAD_S, DEAD_PERIODS = 60.0, 20.0
 
 SERVER = "serve"
 """The command of runs that a server writes; that of others is empty."""
+
+SERVES = 0x73657276
+"""First key of the advisory lock of PostgreSQL that a server holds, the bytes of "serv"; the second one is of the schema."""
+
+SERVER_KEEPALIVES = {"tcp_keepalives_idle": 15, "tcp_keepalives_interval": 5, "tcp_keepalives_count": 3}
+"""Of PostgreSQL for that connection, in s: the lock of a machine that is gone is free after half a minute."""
+
+FREED_S = 40.0
+"""So long a server waits for that lock: it may have been started anew on another machine."""
 
 
 def begin_run(
@@ -130,7 +142,7 @@ def finish_run(
 
 
 def refuse_second_writer(store: Store) -> None:
-    """Refuse a database into which another server of this machine writes a run. One of another machine cannot be asked.
+    """Refuse a database into which another server of this machine writes a run. `sole_server` asks other machines too.
 
     Runs that are no servers', as of scheduled jobs, may be written beside.
 
@@ -138,6 +150,36 @@ def refuse_second_writer(store: Store) -> None:
     """
     with reading(store) as connection:
         _refuse_second_writer(connection, store)
+
+
+@contextmanager
+def sole_server(store: Store) -> Iterator[None]:
+    """Hold a database for this server: another one is refused, in PostgreSQL also one of another machine.
+
+    PostgreSQL frees the lock when the connection ends, or half a minute after the machine of its server is gone. A restart of
+    the database frees it too.
+    Raises: StoreError; InputError, as of `refuse_second_writer`.
+    """
+    refuse_second_writer(store)
+    if store.engine.dialect.name != "postgresql":
+        yield
+        return
+    with refusals(store):
+        held = store.engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+    try:
+        with refusals(store):
+            held.detach()  # closed at the end: a connection that goes back to its pool keeps the lock
+            for name, value in SERVER_KEEPALIVES.items():
+                held.execute(select(func.set_config(name, str(value), False)))
+            lock, until_s = func.pg_try_advisory_lock(SERVES, func.hashtext(func.current_schema())), time.monotonic() + FREED_S
+            while not (is_free := held.scalar(select(lock))) and time.monotonic() < until_s:
+                time.sleep(0.2)
+        if not is_free:
+            raise InputError(f"--db: got {store.where}, where another server is writing, needed another database, or its end")
+        yield
+    finally:
+        with suppress(DBAPIError):  # the database ended it
+            held.close()
 
 
 def _refuse_second_writer(connection: Connection, store: Store) -> None:

@@ -183,6 +183,35 @@ def another_process() -> Iterator[tuple[subprocess.Popen[str], dict[str, Any]]]:
         made.kill()
 
 
+ENDS_LOCK = """
+    SELECT pg_terminate_backend(pid) FROM pg_locks
+    WHERE locktype = 'advisory' AND objid::bigint = hashtext(current_schema())::bigint & 4294967295
+"""  # of this schema alone: other tests use the same database
+
+
+def test_one_server_holds_a_database_of_postgresql_until_its_connection_ends(
+    postgresql_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A connection knows no machines: two of one process are as two of different ones."""
+    monkeypatch.setattr(import_module("coastwatch.store.runs"), "FREED_S", 0.3)
+    with kept.open_store(postgresql_url) as first, kept.open_store(postgresql_url) as second:
+        for _ in range(2):
+            with kept.sole_server(first):
+                with (
+                    pytest.raises(InputError, match="where another server is writing, needed another database"),
+                    kept.sole_server(second),
+                ):
+                    pass
+                world.begin(first, by_server=True)
+            with kept.sole_server(second):
+                pass
+        with kept.sole_server(first):
+            with writing(second) as connection:
+                connection.execute(text(ENDS_LOCK))
+            with kept.sole_server(second):  # as after a restart of the database
+                pass
+
+
 def test_a_second_writer_is_refused_while_the_process_of_the_first_lives(url: str) -> None:
     with kept.open_store(url) as store, another_process() as (made, writer):
 

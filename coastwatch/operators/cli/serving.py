@@ -49,7 +49,7 @@ from coastwatch.server.regions.scenario import of_centre, with_track_sources
 from coastwatch.server.signals import handled_by
 from coastwatch.server.troubles import Trouble
 from coastwatch.spelling import printable
-from coastwatch.store import QueryLimit, Store, open_store, refuse_second_writer
+from coastwatch.store import QueryLimit, Store, open_store, sole_server
 
 T = TypeVar("T")
 QUERY = QueryLimit(5.0, time.monotonic)
@@ -150,7 +150,7 @@ def serve_deployment(options: Deployment) -> int:
 def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.socket) -> None:
     """Run a scenario, on live feeds or on its own input, and serve its pictures.
 
-    Raises: InputError: another server of this machine writes into the database, or options do not fit together.
+    Raises: InputError: another server writes into the database, or options do not fit together.
     """
     regions = [parsed_region(text) for text in options.region]
     for region in regions:
@@ -168,7 +168,7 @@ def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.so
     elif options.role == "region" and not scenario.radars:
         raise InputError(f"--role region: got {name!r} without radars, needed a scenario with at least one")
     with open_store(options.db, limit=QUERY) as opened, ExitStack() as stack:
-        refuse_second_writer(opened)
+        stack.enter_context(sole_server(opened))
         service = Service(opened, publisher=Publisher(opened) if options.role == "region" else None)
         sensors = scenario.sensors()
         video = service.video = LiveVideo(sensors.radars)
