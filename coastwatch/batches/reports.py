@@ -50,6 +50,7 @@ class AisReports(Batch):
     covariance: Floats = optional_column("M", 2, 2)  # of this position, m2 east and north; NaN: by its accuracy
     feed: Ints = optional_column("M", dtype=np.int64)  # which feed it came by; -1: the only one
     heading_deg: Floats = optional_column("M")  # true, of the bow; NaN: not available
+    time_error_s: Floats = optional_column("M")  # by which the second in the message contradicts the time; NaN: it does not
 
 
 @dataclass(frozen=True, eq=False)

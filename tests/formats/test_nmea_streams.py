@@ -63,6 +63,15 @@ def test_the_second_in_the_message_dates_the_fix(tmp_path: Path) -> None:
     assert (read(tmp_path, lines, intake={"message_second": False})[0].time_s - T0).tolist() == [2.0, 3.0, 4.0, 5.0]
 
 
+def test_a_second_too_old_to_be_the_time_makes_the_time_of_reception_uncertain(tmp_path: Path) -> None:
+    stamp = T0 + 2.0  # second 40 of the minute
+    lines = [f"{stamp + i:.0f} {sentence(mmsi=257000001 + i, second=s)[0]}" for i, s in enumerate((20, 48, 60, 42))]
+    reports, _ = read(tmp_path, lines)
+    assert (reports.time_s - T0).tolist() == [2.0, 3.0, 4.0, 4.0]
+    np.testing.assert_equal(reports.time_error_s.tolist(), [20.0, 7.0, np.nan, np.nan])
+    assert np.isnan(read(tmp_path, lines, intake={"message_second": False})[0].time_error_s).all()
+
+
 def test_parts_are_joined_across_other_lines_and_inherit_the_time_of_their_group(tmp_path: Path) -> None:
     first, second = wire({"msg_type": 5, "mmsi": 257000001, "shipname": "NORD"}, seq_id=4)
     other = sentence(mmsi=257000002)[0]

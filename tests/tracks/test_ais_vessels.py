@@ -65,6 +65,21 @@ def test_a_jump_is_not_two_places():
     assert alarms.impossible_speed.tolist() == [True, True]
 
 
+@pytest.mark.parametrize(("uncertain", "apart", "twice"), [(True, 0.0, False), (False, 0.0, True), (True, 0.2, True)])
+def test_reports_whose_own_second_says_that_they_are_late_are_of_their_vessel(uncertain, apart, twice):
+    """A ship of 20 kn, of whose reports every third comes 23 s late with the time of reception."""
+    times = START_S + 1.0 + np.arange(0.0, 60.0, 3.0)
+    late = times[::3] + 1.0
+    rows = sail(235000001, times)
+    rows += [(t, t, *r[2:]) for t, r in zip(late, sail(235000001, late - 23.0, HOME + apart), strict=True)]
+    error_s = dict.fromkeys(late.tolist(), 23.0) if uncertain else {}
+    outputs = []
+    run(AisFilter(), rows, 20, outputs=outputs, error_s=error_s)
+    assert any(alarms.twice.any() for _, alarms in outputs) == twice
+    assert any(alarms.impossible_speed.any() for _, alarms in outputs) == twice
+    assert max(len(tracks) for tracks, _ in outputs) == (2 if twice else 1)
+
+
 def test_five_places_are_more_than_an_mmsi_may_have():
     rows = [r for k in range(7) for r in sail(235000001, START_S + 1.0 + 0.1 * k + np.arange(0.0, 60.0, 3.0), HOME + 0.2 * k)]
     memory, tracks, _ = run(AisFilter(), rows, 20)

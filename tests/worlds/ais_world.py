@@ -14,8 +14,8 @@ HOME = np.array([50.8, -1.1])
 SENSORS = Sensors(Radars.empty(), Stations.empty(), Sonars.empty(), ("west", "east"), np.zeros((2, 2)))
 
 
-def reports(rows):
-    """AisReports of (time, received, mmsi, lat, lon, sog, cog) rows, in order of receipt."""
+def reports(rows, error_s=None):
+    """AisReports of (time, received, mmsi, lat, lon, sog, cog) rows, in order of receipt. Args: error_s: of some times, by time."""
     a = np.array(sorted(rows, key=lambda r: r[1]), float).reshape(-1, 7)
     return AisReports(
         time_s=a[:, 0],
@@ -26,6 +26,7 @@ def reports(rows):
         cog_deg=a[:, 6],
         class_b=np.zeros(len(a), bool),
         origin=a[:, 2].astype(np.int64) % 1000,
+        time_error_s=np.array([(error_s or {}).get(t, np.nan) for t in a[:, 0].tolist()]),
     )
 
 
@@ -40,10 +41,10 @@ def sail(mmsi, times, start=HOME, speed_kn=12.0, course_deg=40.0, delay=None, se
     return [(t, t + d, mmsi, p[0], p[1], speed_kn, course_deg) for t, p, d in zip(times, place, delay, strict=True)]
 
 
-def run(method, rows, cycles, memory=None, first=0, outputs=None):
+def run(method, rows, cycles, memory=None, first=0, outputs=None, error_s=None):
     """The memory and the last output after so many cycles from START_S on."""
     memory = method.init() if memory is None else memory
-    every = reports(rows)
+    every = reports(rows, error_s)
     for k in range(first, first + cycles):
         lo, hi = START_S + k * PERIOD_S, START_S + (k + 1) * PERIOD_S
         part = every.take((every.received_s > lo) & (every.received_s <= hi))

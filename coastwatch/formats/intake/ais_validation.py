@@ -57,7 +57,9 @@ class AisIntake(Settings):
     duplicate_within_s: NotNegative = 30.0  # the same message, from another station
     repeat_within_s: NotNegative = 1.5  # the same position again (tables, which do not have the message)
     message_second: bool = True  # take the time of the fix from the UTC second in the message
-    message_second_within_s: Annotated[float, Field(ge=0.0, lt=58.0)] = 10.0  # if it is at most this old
+    message_second_within_s: Annotated[float, Field(ge=0.0, lt=58.0)] = (
+        10.0  # if it is at most this old; else the time of reception, taken as uncertain by the difference
+    )
 
 
 class StationKind(IntEnum):
@@ -176,8 +178,9 @@ class Acceptance:
         no_value = {SOG_RANGE: (sog < 0.0) | (sog > HIGHEST_SOG_KN), COG_RANGE: (cog < 0.0) | (cog >= FIRST_WRONG_COG_DEG)}
         for kind, mask in no_value.items():
             self._tally.add_rows(kind, mask, lambda i: self._location(rows.row[i]), lambda i: _example(rows, i), used=True)
+        fix_s, error_s = _fix_s(rows, intake)
         return AisReports(
-            time_s=np.minimum(_fix_s(rows, intake), received),
+            time_s=np.minimum(fix_s, received),
             received_s=received,
             mmsi=rows.mmsi,
             position_deg=rows.position_deg,
@@ -190,6 +193,7 @@ class Acceptance:
             covariance=rows.covariance,
             feed=np.full(len(rows), self._feed, np.int64),
             heading_deg=np.where(_within(rows.heading_deg, 360.0), rows.heading_deg, np.nan),
+            time_error_s=error_s,
         )
 
     def _static_data(self, static_rows: StaticRows, received: Floats, statics: AisStatics) -> AisStatics:
@@ -237,14 +241,20 @@ def _within(value: Floats, below: float) -> Bools:
     return np.asarray((value >= 0.0) & (value < below))
 
 
-def _fix_s(rows: AisRows, intake: AisIntake) -> Floats:
-    """The time of each fix: by the second in the message if it agrees with the clock, else as recorded, else as received."""
-    stated = np.where(np.isnan(rows.fix_s), rows.stamp_s, rows.fix_s)
+def _fix_s(rows: AisRows, intake: AisIntake) -> tuple[Floats, Floats]:
+    """The time of each fix: by the second in the message if it agrees with the clock, else as recorded, else as received. (M,)
+
+    Returns also by how much that second contradicts the time, in whole minutes at best; NaN: it does not. (M,)
+    """
+    recorded = ~np.isnan(rows.fix_s)
+    stated, unknown = np.where(recorded, rows.fix_s, rows.stamp_s), np.full(len(rows), np.nan)
     if not intake.message_second:
-        return stated
+        return stated, unknown
     age = (rows.stamp_s - rows.second + CLOCK_SLACK_S) % 60.0 - CLOCK_SLACK_S
-    agrees = (rows.second >= 0) & (rows.second < 60) & (age <= intake.message_second_within_s)
-    return np.where(agrees, rows.stamp_s - age, stated)
+    has_second = (rows.second >= 0) & (rows.second < 60)
+    agrees = has_second & (age <= intake.message_second_within_s)
+    contradicted = has_second & ~agrees & ~recorded
+    return np.where(agrees, rows.stamp_s - age, stated), np.where(contradicted, np.minimum(age, 60.0 - age), unknown)
 
 
 def _example(rows: AisRows, i: int) -> str:

@@ -30,18 +30,18 @@ TRACK = np.dtype(
         ("alarm", "f8"),  # time until which an impossible speed is flagged
         ("anchor_lat", "f8"),
         ("anchor_lon", "f8"),
-        *((name, "f8") for name in ("lat", "lon", "sog", "cog", "ee", "en", "nn")),  # of the newest report, as in REPORT
+        *((name, "f8") for name in ("lat", "lon", "sog", "cog", "ee", "en", "nn", "error")),  # as in REPORT, of the newest one
         ("mode_probability", "f8", (MODELS,)),
         ("state", "f8", (MODELS, SIZE)),  # in the plane at the anchor
         ("covariance", "f8", (MODELS, SIZE, SIZE)),
     ]
 )
 # sog in m/s, cog in radians clockwise from north, NaN where not available; ee, en, nn: covariance of the position, east and north;
-# jitter: standard deviation of the time; status: navigational, -1 if not sent
+# jitter: standard deviation of the time; error: by which the message itself contradicts the time; status: navigational, -1 if not sent
 REPORT = np.dtype(
     [
         *((name, "i8") for name in ("mmsi", "class_b", "origin", "status", "feed")),
-        *((name, "f8") for name in ("time", "lat", "lon", "sog", "cog", "ee", "en", "nn", "jitter")),
+        *((name, "f8") for name in ("time", "lat", "lon", "sog", "cog", "ee", "en", "nn", "jitter", "error")),
     ]
 )
 OUTCOME = np.dtype(
@@ -167,7 +167,8 @@ def _update_vessel(vessel, report, rules, models, z, noise, work, outcome):  # t
 def _tolerance(report, other, rules):  # type: ignore[no-untyped-def]
     """Distance beyond what max_speed allows that errors of two positions and times can make. Args: other: a report or track."""
     variance = max(report.ee, report.nn, other.ee, other.nn)
-    return TOLERANCE_SIGMAS * math.sqrt(variance) + rules.max_speed * (rules.stamp + JITTER_SIGMAS * report.jitter)
+    time = rules.stamp + JITTER_SIGMAS * report.jitter + report.error + other.error
+    return TOLERANCE_SIGMAS * math.sqrt(variance) + rules.max_speed * time
 
 
 @jit
@@ -252,13 +253,15 @@ def _is_doubtful(track, report, rules):  # type: ignore[no-untyped-def]
     if change <= SPEED_MARGIN or report.sog <= SPEED_MARGIN:
         return False
     east, north = enu_offset(report.lat, report.lon, track.lat, track.lon)
+    error = report.error + track.error
+    way = error * max(report.sog, math.sqrt(ve * ve + vn * vn))
     # The last change of velocity takes at least this way beside the former velocity.
     needed = (change - SPEED_MARGIN) ** 2 / (2.0 * rules.acceleration)
     beside = ((east - dt * ve) * (se - ve) + (north - dt * vn) * (sn - vn)) / change
-    reached = change <= SPEED_MARGIN + rules.acceleration * dt
-    if reached and beside + WAY_SIGMAS * math.sqrt(max(report.ee, report.nn)) >= needed:
+    reached = change <= SPEED_MARGIN + rules.acceleration * (dt + error)
+    if reached and beside + way + WAY_SIGMAS * math.sqrt(max(report.ee, report.nn)) >= needed:
         return False
-    return (east - se * dt) ** 2 + (north - sn * dt) ** 2 > (0.5 * report.sog * dt) ** 2
+    return (east - se * dt) ** 2 + (north - sn * dt) ** 2 > (0.5 * report.sog * dt + way) ** 2
 
 
 @jit
@@ -366,7 +369,7 @@ def _measure_velocity(report, turn, rules, z, noise):  # type: ignore[no-untyped
     along, across = rules.sog_variance, speed * speed * rules.cog_variance
     # Below a speed the receiver's velocity noise is as wide across as along, and COG says little.
     across += rules.sog_variance / (1.0 + (speed / rules.polar_speed) ** 2)
-    _add_along(noise, report.jitter**2, z[2], z[3])
+    _add_along(noise, report.jitter**2 + report.error**2, z[2], z[3])
     noise[2, 2] = along * c * c + across * s * s
     noise[3, 3] = along * s * s + across * c * c
     noise[2, 3] = noise[3, 2] = (along - across) * c * s
@@ -475,7 +478,7 @@ def _record(track, report, rules):  # type: ignore[no-untyped-def]
     track.mmsi, track.class_b, track.origin, track.status = report.mmsi, report.class_b, report.origin, report.status
     track.updated, track.lat, track.lon = report.time, report.lat, report.lon
     track.sog, track.cog = report.sog, report.cog
-    track.ee, track.en, track.nn = report.ee, report.en, report.nn
+    track.ee, track.en, track.nn, track.error = report.ee, report.en, report.nn, report.error
     if report.sog > rules.max_speed:
         track.sog = track.cog = math.nan
     track.hits += 1

@@ -24,7 +24,9 @@ from coastwatch.tracks.ais.feed_clocks import FeedClocks
 Rows = Records
 """Of coastwatch.kernels.filters.ais_tracker: REPORT or TRACK."""
 
-NOT_COMPARED = ("jitter", "nn", "en", "ee", "feed", "status")  # of two reports: they order reports that are the same otherwise
+NOT_COMPARED = ("error", "jitter", "nn", "en", "ee", "feed", "status")
+"""Fields that order reports which are the same otherwise."""
+
 SLOTS = 4  # tracks of one MMSI at most, the one on trial included
 TOP_SOG_KN = 102.2  # ITU-R M.1371: greater values mean "not available", as does a COG of 360
 VERDICTS = ("repeated position", "impossible speed", "crowded", "doubtful velocity")
@@ -101,6 +103,7 @@ def records(reports: AisReports, settings: KernelSettings, jitter_s: Floats) -> 
     rows["cog"] = np.where((course >= 0.0) & (course < 360.0), np.radians(course), np.nan)
     rows["class_b"], rows["origin"], rows["status"] = reports.class_b, reports.origin, reports.nav_status
     rows["feed"] = np.maximum(reports.feed, 0)
+    rows["error"] = np.where(reports.time_error_s > 0.0, reports.time_error_s, 0.0)
     rows["ee"] = rows["nn"] = settings.position_variance[reports.accuracy + 1]
     rows["en"] = 0.0
     own = np.flatnonzero(np.isfinite(reports.covariance[:, 0, 0]))
