@@ -106,6 +106,32 @@ def test_later_than_the_lateness_is_dropped_and_counted(method):
 
 
 @every_method
+def test_a_report_later_than_the_lateness_is_taken_if_it_is_the_newest_of_its_vessel(method):
+    """A vessel whose reports all come 40 s late is there with the tracks of one in time, as long as it is predicted for that time."""
+    times = START_S + 1.0 + np.arange(0.0, 60.0, 6.0)
+    others = sail(235000002, START_S + 1.0 + np.arange(0.0, 120.0, 3.0), HOME + 0.1)
+    late, timely, outputs = sail(235000001, times, delay=np.full(10, 40.0)), sail(235000001, times), []
+    memory, _, _ = run(method, late + others, 33, outputs=outputs)
+    known, _, _ = run(method, timely + others, 33)
+    assert refused(memory) == {}
+    assert [len(tracks) for tracks, _ in outputs] == [1] * 13 + [2] * 20
+    assert len(np.unique(outputs[-1][0].track_id)) == 2
+    for name in known.now.tracks.dtype.names:
+        if name != "number":
+            assert known.now.tracks[name].tobytes() == memory.now.tracks[name].tobytes(), name
+    behind = sail(235000001, times[-2:-1] + 1.0, delay=[60.0])
+    assert refused(run(method, late + others + behind, 40)[0]) == {"too late": 1}
+
+
+@every_method
+def test_a_first_report_older_than_a_silent_vessel_is_predicted_is_dropped(method):
+    rows = sail(235000001, [START_S - 600.0], speed_kn=0.0, delay=[601.0])
+    memory, tracks, _ = run(method, rows, 2)
+    assert refused(memory) == {"too late": 1}
+    assert len(tracks) == 0
+
+
+@every_method
 def test_duplicates_are_dropped_and_counted(method):
     rows = sail(235000001, START_S + 1.0 + np.arange(0.0, 30.0, 3.0))
     again = [(r[0], r[0] + d, *r[2:]) for r, d in ((rows[2], 0.0), (rows[3], 4.0), (rows[4], 7.0))]

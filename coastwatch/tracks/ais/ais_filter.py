@@ -51,7 +51,8 @@ TURNING = Motion(kind="turning", noise_m2_s3=1e-3, turn_noise_rad2_s3=1e-6, sojo
 class AisFilter(Method):
     """One IMM a vessel over its AIS reports, each in its own tangent plane.
 
-    - A report up to `lateness_s` late gives the same tracks, bit for bit, as if it had arrived in order.
+    - A report up to `lateness_s` late gives the same tracks, bit for bit, as if it had arrived in order. A later one is taken only if
+      it is the newest of its vessel, and no older than the longest time that a silent vessel is predicted.
     - A report that implies an impossible speed opens a second, tentative track of its MMSI. The next report that fits confirms it.
     - A report is flagged as of an impossible speed too if its vessel could not have come there by the speeds that it said before
       and after a silence: another sender may have taken its MMSI. It stays in the track.
@@ -70,7 +71,7 @@ class AisFilter(Method):
     max_acceleration_m_s2: Positive = 3.0  # a velocity that needs more is not believed until positions show it
     start_speed_sigma_kn: Positive = 10.0  # of a first report without a speed
     models: tuple[Motion, ...] = Field((STEADY, KICKED, TURNING), min_length=1, max_length=3)  # of the IMM
-    lateness_s: NotNegative = 10.0  # longest delay from fix to receipt of a report that is used
+    lateness_s: NotNegative = 10.0  # longest delay from fix to receipt of a report that is older than the newest of its vessel
     ahead_s: NotNegative = 5.0  # a report stamped up to this much after its receipt is held until then
     repeat_s: NotNegative = 1.5  # the same position again within this time is a repetition
     max_speed_kn: Positive = 60.0  # no ship goes faster from one report to the next
@@ -108,10 +109,15 @@ class AisFilter(Method):
         return memory, AisOutput(tracks, alarms, measurements_of(fresh, tracks, settings.rules))
 
     def update(self, memory: Memory, reports: AisReports, time_s: float, settings: KernelSettings) -> tuple[Memory, Ints, Rows]:
-        """The memory after these reports, the rows of `memory.now.tracks` that are not lost at `time_s`, the admitted reports."""
+        """The memory after these reports, the rows of `memory.now.tracks` that are not lost at `time_s`, the reports in time.
+
+        Those are the admitted ones that are at most `lateness_s` late.
+        """
         if not time_s > memory.now.time_s:
             raise ValueError(f"{self.method} time_s: got {time_s}, needed a time after the last cycle's, {memory.now.time_s}")
-        fresh, memory = admit(memory, reports, time_s, self.lateness_s, self.ahead_s, settings)
+        before_s = memory.now.time_s if np.isfinite(memory.now.time_s) else time_s - self.lateness_s
+        oldest_s = max(self.patience_s + self.patience_intervals * self.interval_slow_s, self.lateness_s)
+        fresh, memory = admit(memory, reports, time_s, self.lateness_s, oldest_s, self.ahead_s, settings)
         believed = fresh
         if len(fresh):
             memory, believed = update_tracks(memory, fresh, settings)
@@ -125,7 +131,8 @@ class AisFilter(Method):
             tracks = tracks.copy()
             tracks["number"][nameless] = np.arange(memory.counter, counter)
         memory = end_cycle(memory, fresh, tracks, counter, time_s, self.lateness_s)
-        return memory, np.flatnonzero((tracks["confirmed"] == 1) & (time_s - tracks["updated"] <= tracks["patience"])), believed
+        live = np.flatnonzero((tracks["confirmed"] == 1) & (time_s - tracks["updated"] <= tracks["patience"]))
+        return memory, live, believed[believed["time"] > before_s - self.lateness_s]
 
     def kernel_settings(self) -> KernelSettings:
         """The settings as the kernel takes them."""

@@ -29,7 +29,7 @@ class AisDeadReckoning(Method):
     method: Literal["dead_reckoning"] = "dead_reckoning"
     position_sigma_m: Positive = 3.33  # of one report, per axis, by its specification
     aligned: bool = True  # extrapolated to the time of the cycle
-    lateness_s: NotNegative = 10.0  # longest delay from fix to receipt of a report that is used
+    lateness_s: NotNegative = 10.0  # longest delay from fix to receipt of a report that is older than the newest of its vessel
     patience_s: Positive = 20.0  # a silent vessel is extrapolated for this time
     patience_intervals: Positive = 3.0  # and for this many of its expected intervals more
 

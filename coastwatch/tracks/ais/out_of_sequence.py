@@ -3,7 +3,8 @@
 Two snapshots of all tracks are kept: `old`, from before any report that may still arrive, and `recent`. The log holds the reports
 admitted since `old`, one entry a cycle. A late report resets only its own vessel, to the snapshot before the report; then the
 vessel's reports in the log are replayed. Arrays in memory are never overwritten, so a snapshot is a reference, not a copy. The log
-is bounded by time: twice the lateness and two cycles of reports.
+is bounded by time: twice the lateness and two cycles of reports. A report that is later still is taken if it is the newest of its
+vessel: there is nothing to replay, and it goes into the snapshots too.
 """
 
 from __future__ import annotations
@@ -115,19 +116,31 @@ def records(reports: AisReports, settings: KernelSettings, jitter_s: Floats) -> 
 
 
 def admit(
-    memory: Memory, reports: AisReports, time_s: float, lateness_s: float, ahead_s: float, settings: KernelSettings
+    memory: Memory,
+    reports: AisReports,
+    time_s: float,
+    lateness_s: float,
+    oldest_s: float,
+    ahead_s: float,
+    settings: KernelSettings,
 ) -> tuple[Rows, Memory]:
-    """Admit reports. Returns: those to take now, sorted by `in_order`; the memory with the others held, or counted as refused."""
+    """Admit reports. Args: lateness_s: largest delay of any; oldest_s: of one that is the newest of its vessel.
+
+    Returns: those to take now, sorted by `in_order`; the memory with the others held, or counted as refused.
+    """
     rows = records(reports, settings, memory.clocks.sigma_s())
     received = np.where(np.isfinite(reports.received_s), np.minimum(reports.received_s, time_s), time_s)
     lat, lon, time = rows["lat"], rows["lon"], rows["time"]
     delay = np.where(np.isfinite(time), received - time, 0.0)
+    late = (delay > lateness_s) | (time <= memory.old.time_s)
+    some = np.flatnonzero(late)
+    late[some] = (delay[some] > oldest_s) | (time[some] <= _newest_report_s(memory.now.tracks, rows["mmsi"][some]))
     wrong = {
         "time not finite": ~np.isfinite(time),
         "not a position": ~((np.abs(lat) < 90.0) & (np.abs(lon) <= 180.0)),
         "not an MMSI": (rows["mmsi"] < 0) | (rows["mmsi"] > LARGEST_MMSI),
         "from the future": delay < -ahead_s,
-        "too late": (delay > lateness_s) | (time <= memory.old.time_s),
+        "too late": late,
     }
     refused, good = dict(memory.refused), np.ones(len(rows), bool)
     for kind, bad in wrong.items():
@@ -247,27 +260,33 @@ def update_tracks(memory: Memory, fresh: Rows, settings: KernelSettings) -> tupl
     late = fresh["time"][begin] <= np.maximum(_newest_report_s(memory.now.tracks, mmsi), memory.recent.time_s)
     behind = find(mmsi[late], fresh["mmsi"]) >= 0
     rows, outcome = track_vessels(memory.now.tracks, mmsi[~late], fresh[~behind], settings)
-    recent, refused = memory.recent, dict(memory.refused)
+    recent, old, refused = memory.recent, memory.old, dict(memory.refused)
     _count_verdicts(refused, outcome["verdict"])
     clocks = memory.clocks.updated(fresh["feed"][~behind], outcome["delay"], outcome["variance"])
     doubted = np.flatnonzero(~behind)[outcome["verdict"] == kernels.filters.ais_tracker.DOUBTED]
     if late.any():
-        recent, played = _replay(memory, mmsi[late], fresh[behind], settings, refused)
+        old, recent, played = _replay(memory, mmsi[late], fresh[behind], settings, refused)
         rows = _merge(rows, played)
     now = replace(memory.now, tracks=replace_tracks(memory.now.tracks, mmsi, rows))
     believed = fresh
     if len(doubted):
         believed = fresh.copy()
         believed["sog"][doubted] = believed["cog"][doubted] = np.nan
-    return replace(memory, now=now, recent=recent, refused=refused, clocks=clocks), believed
+    return replace(memory, now=now, recent=recent, old=old, refused=refused, clocks=clocks), believed
 
 
 def _replay(
     memory: Memory, mmsi: Ints, fresh: Rows, settings: KernelSettings, refused: dict[str, int]
-) -> tuple[Snapshot, Rows]:
-    """Replay vessels with their late reports in order. Returns: the recent snapshot, their tracks. Counts into `refused`."""
+) -> tuple[Snapshot, Snapshot, Rows]:
+    """Replay vessels with their late reports in order. Returns: the old and recent snapshot, their tracks. Counts into `refused`."""
+    old, very_late = memory.old, fresh["time"] <= memory.old.time_s
+    if very_late.any():  # each newer than any report of its vessel
+        first = np.unique(fresh["mmsi"][very_late])
+        rows, outcome = track_vessels(old.tracks, first, fresh[very_late], settings)
+        _count_verdicts(refused, outcome["verdict"])
+        old = replace(old, tracks=replace_tracks(old.tracks, first, _with_former_numbers(memory.now.tracks, rows, first)))
     logged = _logged(memory, mmsi)
-    play = np.concatenate([logged, fresh])
+    play = np.concatenate([logged, fresh[~very_late]])
     order = in_order(play)
     play, new = play[order], order >= len(logged)
     recent = memory.recent
@@ -275,12 +294,12 @@ def _replay(
     before = play["time"] <= recent.time_s
     if len(first):
         part = before & (find(first, play["mmsi"]) >= 0)
-        rows, outcome = track_vessels(memory.old.tracks, first, play[part], settings)
+        rows, outcome = track_vessels(old.tracks, first, play[part], settings)
         _count_verdicts(refused, outcome["verdict"][new[part]])
         recent = replace(recent, tracks=replace_tracks(recent.tracks, first, _with_former_numbers(recent.tracks, rows, first)))
     rows, outcome = track_vessels(recent.tracks, mmsi, play[~before], settings)
     _count_verdicts(refused, outcome["verdict"][new[~before]])
-    return recent, _with_former_numbers(memory.now.tracks, rows, mmsi)
+    return old, recent, _with_former_numbers(memory.now.tracks, rows, mmsi)
 
 
 def _count_verdicts(refused: dict[str, int], verdict: Ints) -> None:
