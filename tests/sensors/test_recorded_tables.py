@@ -200,14 +200,37 @@ def test_infinite_speed_is_refused_and_empty_speed_is_not_available(tmp_path: Pa
     assert np.isnan(reports.sog_kn).tolist() == [True]
 
 
-def test_a_table_in_another_order_is_sorted_where_asked(tmp_path: Path) -> None:
+@pytest.mark.parametrize("order", ["by vessel", "newest first"])
+def test_a_table_that_is_not_in_order_of_arrival_is_sorted_by_time(tmp_path: Path, order: str) -> None:
     rows = [row(t, mmsi=m, lat=f"50.{t:04d}") for m in ("235070762", "235070763") for t in range(0, 1000, 10)]
+    rows = rows if order == "by vessel" else sorted(rows, reverse=True)
     file = table(tmp_path, *rows)
-    assert len(AisTable(files=(file,)).read()[0]) < 200
-    reports, _, faults = AisTable(files=(file,), intake={"order": "time"}).read()
+    reports, _, faults = AisTable(files=(file,)).read()
     assert len(reports) == 200
     assert not faults
     assert (np.diff(reports.received_s) >= 0.0).all()
+    assert AisTable(files=(file,)).contents()[0].notes == ("not in order of time: sorted by it (input.intake.order)",)
+    as_it_stands = AisTable(files=(file,), intake={"order": "arrival"})
+    reports, _, faults = as_it_stands.read()
+    assert kinds(faults)["time going backwards"] == 200 - len(reports) > 90
+    many = f"{200 - len(reports)} go back in time and are not used: --set input.intake.order=time sorts the file first"
+    assert as_it_stands.contents()[0].notes == (many,)
+
+
+def test_single_wrong_readings_of_a_clock_do_not_sort_a_table(tmp_path: Path) -> None:
+    rows = [row(t if i % 10 else t - 3600.0, lat=f"50.{t:04d}") for i, t in enumerate(range(0, 1000, 10), 1)]
+    reports, _, (fault,) = AisTable(files=(table(tmp_path, *rows),)).read()
+    assert (fault.kind, fault.count) == ("time going backwards", 10)
+    assert len(reports) == 90
+
+
+def test_tables_of_plots_sorted_by_radar_are_sorted_by_time(tmp_path: Path) -> None:
+    rows = [f"{T0 + t},{radar},5000,90" for radar in ("south", "north") for t in range(0, 600, 3)]
+    feed = Tables(plots=(table(tmp_path, *rows, header="time,radar,range_m,azimuth_deg"),))
+    recording = feed.load(sensors(), 1, PLAN)
+    assert len(recording.whole().radar) == 400
+    assert not recording.faults
+    assert recording.contents[0].notes == ("not in order of time: sorted by it (input.intake.order)",)
 
 
 def test_parquet_and_packed_csv_say_the_same_as_csv(tmp_path: Path) -> None:

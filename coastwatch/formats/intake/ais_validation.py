@@ -16,7 +16,15 @@ from coastwatch.batches import AisReports, AisStatics, Batch, Bools, Floats, Int
 from coastwatch.batches.ais_codes import LARGEST_MMSI, is_aid_to_navigation, is_coast_station, is_rescue_aircraft
 from coastwatch.batches.struct import optional_column
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
-from coastwatch.formats.intake.reception_time import BACKWARDS, FAR, LATE, ReceptionTimes, reception_times, repeated
+from coastwatch.formats.intake.reception_time import (
+    BACKWARDS,
+    FAR,
+    LATE,
+    ReceptionTimes,
+    is_out_of_order,
+    reception_times,
+    repeated,
+)
 from coastwatch.stage import NotNegative, Settings
 
 Location = Callable[[int], str]
@@ -51,7 +59,9 @@ REMEMBERED_STAMPS = 10_000  # accepted stamps before a block, by which its own a
 class AisIntake(Settings):
     """Which AIS records are accepted."""
 
-    order: Literal["arrival", "time"] = "arrival"  # order of the rows of a file; "time" sorts them first
+    order: Literal["auto", "arrival", "time"] = "auto"
+    """Order of the records of a file. "arrival": as they stand. "time": they are sorted first. "auto": a table is sorted of which more
+    than 5 % would be refused as going back in time, in stretches, e.g. one sorted by vessel or newest first; NMEA is as it stands."""
     lateness_s: NotNegative = 60.0  # a record may be this much older than the newest before it
     longest_silence_s: NotNegative = 86400.0  # of a stream; records beyond it have a wrong clock
     duplicate_within_s: NotNegative = 30.0  # the same message, from another station
@@ -60,6 +70,14 @@ class AisIntake(Settings):
     message_second_within_s: Annotated[float, Field(ge=0.0, lt=58.0)] = (
         10.0  # if it is at most this old; else the time of reception, taken as uncertain by the difference
     )
+
+
+def of_table(intake: AisIntake, stamp_s: Floats) -> AisIntake:
+    """The settings with the order that a table has, "time" or "arrival". Args: stamp_s: (M,) finite, of all its rows."""
+    if intake.order != "auto":
+        return intake
+    disorder = is_out_of_order(stamp_s, intake.lateness_s, intake.longest_silence_s)
+    return intake.model_copy(update={"order": "time" if disorder else "arrival"})
 
 
 class StationKind(IntEnum):
@@ -122,6 +140,7 @@ class Acceptance:
         self._intake, self._tally, self._location, self._feed = intake, tally, location, feed
         self._accepted_s = np.zeros(0)
         self.newest_s = -math.inf  # time of reception, so far
+        self.backwards = 0  # records refused so far because they go back in time
         self._positions, self._statics = _Seen.empty(), _Seen.empty()
 
     def block(
@@ -141,11 +160,12 @@ class Acceptance:
                 kind, mask, lambda i: self._location(number[order[i]]), lambda i: utc(stamp[order[i]]), used=kind == LATE
             )
         back = np.argsort(order, kind="stable")
+        self.backwards += int(arrived.faults[BACKWARDS].sum())
         received, accepted = arrived.received_s[back], arrived.accepted[back]
         n = len(rows)
         reports = self._reports(rows.take(accepted[:n]), received[:n][accepted[:n]])
         static = self._static_data(static_rows.take(accepted[n:]), received[n:][accepted[n:]], statics)
-        return (reports, static) if self._intake.order == "arrival" else (_sorted(reports), _sorted(static))
+        return (_sorted(reports), _sorted(static)) if self._intake.order == "time" else (reports, static)
 
     def _arrived(self, stamp_s: Floats, ahead_s: Floats) -> ReceptionTimes:
         """The reception times of a block, judged by the stamps before and after it."""

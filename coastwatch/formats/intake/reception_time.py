@@ -16,6 +16,10 @@ BACKWARDS = "time going backwards"
 FAR = "time far from the rest"
 TIME_MISSING = "time missing"
 
+SORTED = "not in order of time: sorted by it (input.intake.order)"
+LEAST_OUT_OF_ORDER = 0.05  # share of records going back in time, from which on the order of a file is not that of arrival
+LEAST_STRETCH = 3.0  # of them in a row, on average; wrong readings of a clock come singly
+
 
 class ReceptionTimes(NamedTuple):
     """Of each record: its time of reception, whether its stamp is accepted, and a mask per kind of fault."""
@@ -49,6 +53,20 @@ def reception_times(stamp_s: Floats, lateness_s: float, longest_silence_s: float
     accepted &= received - stamp_s <= 2.0 * lateness_s  # late after a record that was itself early
     late = accepted & (stamp_s < received)
     return ReceptionTimes(received, accepted, {FAR: ~main_part, BACKWARDS: main_part & ~accepted, LATE: late})
+
+
+def is_out_of_order(stamp_s: Floats, lateness_s: float, longest_silence_s: float) -> bool:
+    """Whether the order of records is plainly not that of arrival: sorted by vessel, newest first. Args: stamp_s: (M,) finite."""
+    backwards = reception_times(stamp_s, lateness_s, longest_silence_s).faults[BACKWARDS]
+    stretches = int(np.diff(backwards, prepend=False).sum() + 1) // 2
+    count = int(backwards.sum())
+    return count > LEAST_OUT_OF_ORDER * len(stamp_s) and count >= LEAST_STRETCH * stretches
+
+
+def backwards_note(count: int) -> tuple[str, ...]:
+    """What to say of a file with so many records that were refused because they go back in time."""
+    many = f"{count:,} go back in time and are not used: --set input.intake.order=time sorts the file first"
+    return (many,) if count else ()
 
 
 def _largest_part(stamp_s: Floats, longest_silence_s: float) -> Bools:

@@ -20,7 +20,7 @@ from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Float
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.ais_validation import Acceptance, AisIntake, AisRows, StaticRows, Timed
 from coastwatch.formats.intake.faults import SET_ASIDE, Ledger, Tally
-from coastwatch.formats.intake.reception_time import TIME_MISSING, reception_times
+from coastwatch.formats.intake.reception_time import TIME_MISSING, backwards_note, reception_times
 from coastwatch.formats.nmea.messages import Assembler, Messages
 from coastwatch.formats.nmea.payload import decoded
 from coastwatch.formats.nmea.sentences import FURTHER, ais_sentences
@@ -91,7 +91,7 @@ class _FileStream:
         self._sentences = ais_sentences(lines_of(path, tally), path.name, tally, self._ledger)
         self._assembler = Assembler(path.name, tally)
         self._acceptance = Acceptance(settings.intake, tally, lambda line: f"{path.name}:{line}", feed)
-        self._size = BLOCK if settings.intake.order == "arrival" else sys.maxsize  # to sort by time takes all of the file
+        self._size = sys.maxsize if settings.intake.order == "time" else BLOCK  # to sort by time takes all of the file
         self._stamp_s = math.nan  # of the newest message that has a time
         self._assumed = 0  # messages so far whose time is assumed
         self._own = np.zeros(0, np.int64)  # MMSI of the own ship
@@ -112,8 +112,9 @@ class _FileStream:
         box = (south, west, north, east) if count else None
         waiting = sum(len(block.rows) + len(block.static_rows) for block in self._decoded) + self._assembler.waiting
         beside = tuple((self._ledger.beside + Counter({NAMES: names, WAITING: waiting})).items())
+        notes = backwards_note(self._acceptance.backwards)
         return FileContent(
-            self._name, "AIS reports", count, first_s, last_s, box_deg=box, read=self._ledger.read, beside=beside
+            self._name, "AIS reports", count, first_s, last_s, notes=notes, box_deg=box, read=self._ledger.read, beside=beside
         )
 
     @property

@@ -10,14 +10,14 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Ints, Recording, Reports, Sensors
-from coastwatch.formats.intake.ais_validation import Acceptance, AisIntake, AisRows, StaticRows
+from coastwatch.formats.intake.ais_validation import Acceptance, AisIntake, AisRows, StaticRows, of_table
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.recorded.files import Fingerprint, fingerprint
 from coastwatch.sensors.recorded.merging import by_arrival, span_of
 from coastwatch.sensors.recorded.tables.ais_cells import accuracies, classes, covariances, nav_statuses
 from coastwatch.sensors.recorded.tables.reader import Separator, Table, read_table
-from coastwatch.sensors.recorded.tables.rows import content_of, find_columns, good_cells, need_columns, stamps_of
+from coastwatch.sensors.recorded.tables.rows import content_of, find_columns, good_cells, need_columns, order_notes, stamps_of
 from coastwatch.sensors.recorded.tables.stated_motion import SPEED_KN, doubts
 from coastwatch.stage import Method, Plan, Settings
 
@@ -53,7 +53,7 @@ class AisTable(Method):
     """AIS from decoded tables. Settings: coastwatch/sensors/recorded/README.md."""
 
     method: Literal["ais_table"] = "ais_table"
-    files: Annotated[tuple[Path, ...], Field(min_length=1)]  # each in order of arrival; compressed (gzip) or not
+    files: Annotated[tuple[Path, ...], Field(min_length=1)]  # compressed (gzip) or not
     columns: AisColumns = AisColumns()  # names of the columns
     time_format: str = "auto"
     """Of times. "auto": Unix time in s, ms, us or ns, or a written date; a date with points is day first. Else a pattern of strptime,
@@ -127,13 +127,15 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     if missing := wrapped_cog(values["cog"]):
         tally.add_rows(f"{WRAPPED_COG}{missing:g} is missing", values["cog"] < 0.0, table.location, table.example, used=True)
     statics, static_rows = _statics(table, column, values, mmsi, stamp)
-    stream = Acceptance(settings.intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row))), feed)
+    intake = of_table(settings.intake, stamp)
+    stream = Acceptance(intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row))), feed)
     reports, static = stream.block(rows, statics, static_rows)
     course = np.radians(reports.cog_deg)
     velocity = (reports.sog_kn * KNOT_M_S)[:, None] * np.stack([np.sin(course), np.cos(course)], axis=-1)
     speed_doubts = doubts(reports.mmsi, reports.time_s, reports.position_deg, velocity, settings.speed_unit, "SOG")
     names = len(static_rows), len(static)
-    tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg, speed_doubts, names))
+    notes = order_notes(settings.intake, intake, stream.backwards)
+    tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg, speed_doubts, names, notes))
     return reports, static
 
 

@@ -312,12 +312,12 @@ def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarR
     for kind, mask in (shape if polar else off_earth(values) | shape).items():
         tally.add_rows(kind, good & mask, table.location, table.example)
         good &= ~mask
-    rows, received = arrived(table, good, values, settings.intake, tally)
+    rows, received, notes = arrived(table, good, values, settings.intake, tally)
     range_sigma, azimuth_sigma = _plot_sigmas(values, range_m, azimuth_deg, polar)
     for name, sigma in (("range", range_sigma), ("azimuth", azimuth_sigma)):
         tally.add_rows(f"{NO_SIGMA}{name}", good & (sigma <= 0.0), table.location, table.example, used=True)
     position = None if polar else np.stack([values["latitude"], values["longitude"]], axis=-1)[rows]
-    tally.add_file(content_of(table, "radar plots", column, values["time"][rows], position))
+    tally.add_file(content_of(table, "radar plots", column, values["time"][rows], position, notes=notes))
     return RadarReports(
         sensor=sensor[rows],
         time_s=values["time"][rows],
@@ -364,11 +364,11 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
     wrong = np.abs(values["bearing"]) > 360.0
     good = (sensor >= 0) & ~wrong
     tally.add_rows(AZIMUTH, (sensor >= 0) & wrong, table.location, table.example)
-    rows, received = arrived(table, good, values, settings.intake, tally)
+    rows, received, notes = arrived(table, good, values, settings.intake, tally)
     is_class = np.isin(values["signature"], np.arange(CLASSES))
     no_sigma = good & (values["bearing_sigma"] <= 0.0)
     tally.add_rows(f"{NO_SIGMA}bearing", no_sigma, table.location, table.example, used=True)
-    tally.add_file(content_of(table, "bearings", column, values["time"][rows]))
+    tally.add_file(content_of(table, "bearings", column, values["time"][rows], notes=notes))
     return BearingReports(
         sensor=sensor[rows],
         time_s=values["time"][rows],

@@ -10,9 +10,9 @@ import numpy as np
 
 from coastwatch.batches import Array, Bools, FileContent, Floats, Ints
 from coastwatch.errors import InputError
-from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, NON_FINITE, AisIntake
+from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, NON_FINITE, AisIntake, of_table
 from coastwatch.formats.intake.faults import Tally
-from coastwatch.formats.intake.reception_time import LATE, reception_times
+from coastwatch.formats.intake.reception_time import BACKWARDS, LATE, SORTED, backwards_note, reception_times
 from coastwatch.sensors.recorded.tables.reader import Table
 from coastwatch.spelling import did_you_mean
 from coastwatch.stage import Settings
@@ -196,18 +196,20 @@ def content_of(
     position_deg: Floats | None = None,
     doubts: tuple[str, ...] = (),
     names: tuple[int, int] = (0, 0),
+    notes: tuple[str, ...] = (),
 ) -> FileContent:
     """What was taken from a table.
 
     Args: column: of the file, by our names; time_s: (M,) of the records taken; position_deg: (M, 2), None where they have none;
-    doubts: as of FileContent; names: how many of the rows also hold a new name or size of a vessel, and how many of these are taken.
+    doubts: as of FileContent; names: how many of the rows also hold a new name or size of a vessel, and how many of these are taken;
+    notes: on the order of the rows.
     """
     read = tuple((key, name) for key, name in column.items() if name is not None)
     used = {name for _, name in read}
     first_s, last_s = (float(time_s.min()), float(time_s.max())) if len(time_s) else (math.nan, math.nan)
     ignored = tuple(name for name in table.frame.columns if name not in used)
     beside = ((NAMES, names[1]),) if names[1] else ()
-    notes = (NO_ZONE,) if table.without_zone(column["time"]) else ()
+    notes = ((NO_ZONE,) if table.without_zone(column["time"]) else ()) + notes
     box = None if position_deg is None or not len(time_s) else box_of(position_deg)
     return FileContent(
         table.name, kind, len(time_s), first_s, last_s, read, ignored, notes, box, doubts, table.read + names[0], beside
@@ -225,16 +227,30 @@ def stamps_of(values: dict[str, Floats]) -> Floats:
     return np.where(np.isnan(values["received"]), values["time"], values["received"])
 
 
-def arrived(table: Table, good: Bools, values: dict[str, Floats], intake: AisIntake, tally: Tally) -> tuple[Ints, Floats]:
-    """The good rows whose time is accepted, in order of arrival, and their reception times. Args: good: (M,) of the table."""
+def order_notes(given: AisIntake, taken: AisIntake, backwards: int) -> tuple[str, ...]:
+    """What to say of the order of a table. Args: given, taken: settings, and as of `of_table`; backwards: rows refused by it."""
+    if taken.order == "time":
+        return () if given.order == "time" else (SORTED,)
+    return backwards_note(backwards)
+
+
+def arrived(
+    table: Table, good: Bools, values: dict[str, Floats], intake: AisIntake, tally: Tally
+) -> tuple[Ints, Floats, tuple[str, ...]]:
+    """The good rows whose time is accepted, in order of arrival, their reception times, and what to say of the order of the table.
+
+    Args: good: (M,) of the table.
+    """
     rows, stamp = np.flatnonzero(good), stamps_of(values)
-    if intake.order == "time":
+    taken = of_table(intake, stamp[rows])
+    if taken.order == "time":
         rows = rows[np.argsort(stamp[rows], kind="stable")]
     arrived = reception_times(stamp[rows], intake.lateness_s, intake.longest_silence_s)
     for kind, mask in arrived.faults.items():
         where, example = (lambda i: table.location(int(rows[i]))), (lambda i: table.example(int(rows[i])))
         tally.add_rows(kind, mask, where, example, used=kind == LATE)
-    return rows[arrived.accepted], arrived.received_s[arrived.accepted]
+    notes = order_notes(intake, taken, int(arrived.faults[BACKWARDS].sum()))
+    return rows[arrived.accepted], arrived.received_s[arrived.accepted], notes
 
 
 def off_earth(values: dict[str, Floats]) -> dict[str, Bools]:

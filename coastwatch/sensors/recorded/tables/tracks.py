@@ -78,13 +78,13 @@ def track_reports(
     for kind, mask in {EMPTY_CELL: empty, **off_earth(values), COVARIANCE: _is_wrong(covariance)}.items():
         tally.add_rows(kind, good & mask, table.location, table.example)
         good &= ~mask
-    rows, received = arrived(table, good, values, intake, tally)
+    rows, received, notes = arrived(table, good, values, intake, tally)
     position = np.stack([values["latitude"], values["longitude"]], axis=-1)[rows]
     velocity = _velocity(values, SPEED_KN[speed_unit])[rows]
     _, track = np.unique(np.stack([sensor, number], axis=-1)[rows], axis=0, return_inverse=True)
     source = "SOG" if column["east_m_s"] is None or column["north_m_s"] is None else "the velocity"
     speed_doubts = doubts(track, values["time"][rows], position, velocity, speed_unit if source == "SOG" else "m/s", source)
-    tally.add_file(content_of(table, "track states", column, values["time"][rows], position, speed_doubts))
+    tally.add_file(content_of(table, "track states", column, values["time"][rows], position, speed_doubts, notes=notes))
     return TrackReports(
         sensor=sensor[rows],
         number=number[rows],
