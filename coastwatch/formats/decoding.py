@@ -47,6 +47,7 @@ ORDER: dict[type[Batch], tuple[str, ...]] = {
 
 JUMP = "time far ahead of the reports before"
 AHEAD = "time ahead of the clock of this machine, that of arrival taken"
+NO_TIME = "time that no clock shows: not of 1970 to 2223"
 
 
 LATE = "report later than its cycle"
@@ -239,6 +240,7 @@ class Stamps:
     """The stamps of one sender, judged. With the clock of the machine a stamp far ahead is replaced by the time of arrival.
 
     With the clock of the feeds a jump far ahead is believed once several records in a row agree; until then they are left out.
+    A record with a stamp outside `limits.TIMES_S` is left out and counted.
     """
 
     def __init__(self, name: str, checked: bool, tally: Tally) -> None:
@@ -253,16 +255,19 @@ class Stamps:
     def times_s(self, stamp_s: Floats, arrived_s: Floats) -> Floats:
         """The times of records in order of arrival. Args: stamp_s: (M,), NaN: none. Returns: (M,), NaN: not to be used."""
         stamped = np.isfinite(stamp_s)
+        none = stamped & ~((stamp_s >= limits.TIMES_S[0]) & (stamp_s <= limits.TIMES_S[1]))
+        self._tally.add_rows(NO_TIME, none, lambda i: self._name, lambda i: f"{stamp_s[i]:.6g}")
+        stamped &= ~none
         self.heard_s = max(self.heard_s, float(arrived_s.max(initial=-math.inf)))
         if stamped.any():
             self.ahead_s = float(np.median(stamp_s[stamped] - arrived_s[stamped]))
-        time_s = np.where(stamped, stamp_s, arrived_s)
+        time_s = np.where(stamped, stamp_s, np.where(none, math.nan, arrived_s))
         if self._checked:
             ahead = time_s > arrived_s + FAR_AHEAD_S
             self._tally.add_rows(AHEAD, ahead, lambda i: self._name, lambda i: f"{time_s[i] - arrived_s[i]:.0f} s")
             time_s = np.where(ahead, arrived_s, time_s)
         else:
-            self._tally.add_rows(TIME_MISSING, np.isnan(time_s), lambda i: self._name, lambda i: "")
+            self._tally.add_rows(TIME_MISSING, np.isnan(time_s) & ~none, lambda i: self._name, lambda i: "")
             time_s = self._without_jumps(time_s)
         self.newest_s = max(self.newest_s, float(np.nanmax(time_s, initial=-math.inf)))
         self.first_s = min(self.first_s, float(np.nanmin(time_s, initial=math.inf)))

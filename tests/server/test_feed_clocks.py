@@ -126,6 +126,28 @@ def test_asterix_and_json_of_a_clock_an_hour_ahead_are_of_their_arrival_and_said
         assert all("good" not in name for name, _ in said)
 
 
+def test_a_stamp_that_no_clock_shows_is_refused_and_one_far_ahead_is_said_after_good_ones_too() -> None:
+    with live("json+listen://127.0.0.1:0") as made:
+        now_s = time.time()
+        feed = made._feeds[0]
+        feed.look()
+        wild = [bearing(1e3 * now_s, 1.0), bearing(1e300, 2.0), bearing(-1e300, 3.0), bearing(now_s + HOUR_S, 4.0)]
+        put(made.ports[0], [*wild, *(bearing(now_s, 10.0 + degree) for degree in range(20))])
+        deliver(made, 24)
+        found = made.between(now_s - 10.0, time.time() + 1.0)
+        assert sorted(found.bearing.bearing_deg)[:2] == [4.0, 10.0]
+        feed.look()
+        state = made.feeds()[0]
+        assert state["faults"] == {
+            "time that no clock shows: not of 1970 to 2223": 3,
+            "time ahead of the clock of this machine, that of arrival taken": 1,
+        }
+        assert [trouble.text for trouble in of_feeds([state], now_s)] == [
+            "1 stamps of the last minute were ahead of the clock of this machine: the time of arrival is taken",
+            "3 records of the last minute are not used: time that no clock shows: not of 1970 to 2223",
+        ]
+
+
 def zda(when_s: float) -> bytes:
     return sentence(datetime.fromtimestamp(when_s, UTC).strftime("GPZDA,%H%M%S.00,%d,%m,%Y,00,00"))
 

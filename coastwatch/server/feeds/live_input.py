@@ -19,7 +19,18 @@ from typing import Literal, Self
 from coastwatch.batches import Fault, FileContent, RadarVideo, Recording, Reports, Sensors, TrackReports
 from coastwatch.errors import AddressError
 from coastwatch.formats.asterix.video_feed import VIDEO
-from coastwatch.formats.decoding import BEFORE_RUN, DROPPED, FAR_AHEAD_S, LATE, Decoder, Item, OptionError, decode
+from coastwatch.formats.decoding import (
+    AHEAD,
+    BEFORE_RUN,
+    DROPPED,
+    FAR_AHEAD_S,
+    LATE,
+    NO_TIME,
+    Decoder,
+    Item,
+    OptionError,
+    decode,
+)
 from coastwatch.formats.intake.faults import refused
 from coastwatch.formats.registry import FORMATS, decoders_of
 from coastwatch.scenario import Scenario
@@ -68,8 +79,9 @@ class _Feed:
     def __init__(self, inbox: Inbox, decoder: Decoder) -> None:
         self.inbox, self.decoder = inbox, decoder
         self.items: list[Item] = []  # received and not yet decoded
-        # Of the last minute: when, records used, late, of before the run, datagrams or lines dropped, and records refused.
-        self._looks: deque[tuple[float, int, int, int, int, int]] = deque()
+        # Of the last minute: when, records used, late, of before the run, datagrams or lines dropped, records refused; stamps that
+        # were replaced by the time of arrival, and that no clock shows.
+        self._looks: deque[tuple[float, int, int, int, int, int, int, int]] = deque()
         self._video = VideoHealth(decoder.counts.radars)
 
     def decode(self, reference_s: float | None) -> None:
@@ -81,8 +93,10 @@ class _Feed:
         """Note the counts, for `troubles`."""
         at_s, counts = now_s(), self.decoder.counts
         dropped = self.inbox.dropped + counts.dropped
-        not_read = sum(fault.count for fault in refused(self.decoder.tally.faults()))
-        self._looks.append((at_s, counts.records, counts.late, counts.before_run, dropped, not_read))
+        tally = self.decoder.tally
+        not_read = sum(fault.count for fault in refused(tally.faults()))
+        stamps = tally.count(AHEAD), tally.count(NO_TIME)
+        self._looks.append((at_s, counts.records, counts.late, counts.before_run, dropped, not_read, *stamps))
         while self._looks[0][0] < at_s - THROWN_WITHIN_S:
             self._looks.popleft()
         self._video.look(at_s)
@@ -90,14 +104,21 @@ class _Feed:
     def troubles(self) -> list[str]:
         """What is wrong with what it sends."""
         sentences, ahead_s = [], self.decoder.stamps.ahead_s
-        if self.decoder.checked and abs(ahead_s) > FAR_AHEAD_S:
+        is_off = self.decoder.checked and abs(ahead_s) > FAR_AHEAD_S
+        if is_off:
             sentence = f"its clock is {abs(ahead_s):.0f} s {'ahead' if ahead_s > 0.0 else 'behind'}"
             sentences.append(sentence + (": the time of arrival is taken" if ahead_s > 0.0 else ""))
         looks = list(self._looks)
         if looks:
-            used, late, before_run, dropped, not_read = (looks[-1][k] - looks[0][k] for k in range(1, 6))
+            used, late, before_run, dropped, not_read, ahead, no_time = (looks[-1][k] - looks[0][k] for k in range(1, 8))
             thrown = late + before_run
-            if not used and not_read >= LEAST_THROWN:
+            if ahead and not is_off:
+                sentences.append(
+                    f"{ahead} stamps of the last minute were ahead of the clock of this machine: the time of arrival is taken"
+                )
+            if no_time:
+                sentences.append(f"{no_time} records of the last minute are not used: {NO_TIME}")
+            if not used and not_read - no_time >= LEAST_THROWN:
                 most = max(refused(self.decoder.tally.faults()), key=lambda fault: fault.count)
                 why = f"{most.kind}: {most.example}" if most.example else most.kind
                 sentences.append(f"none of the {not_read} records of the last minute could be used, most often: {why}")
