@@ -29,7 +29,7 @@ from coastwatch.picture import Identity
 from coastwatch.plots import CfarExtraction, PlotConverter, PlotExtractor, PolarConversion
 from coastwatch.registration import OnlineRegistration, Registrar
 from coastwatch.scenario.sites import Area, Name, Radar, Sonar, Station, TrackSource, sensors_of
-from coastwatch.sensors import SIMULATIONS, Feed, Tables, VideoFiles
+from coastwatch.sensors import SIMULATIONS, Feed, LiveFeeds, Tables, VideoFiles
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
 from coastwatch.stage import Count, CountOrZero, Method, NotNegative, Plan, Positive, Settings
@@ -136,7 +136,7 @@ class Scenario(Settings):
     coastline: str = ""
     """Land in which no radar looks for ships in its video: a GeoJSON file, "own" (coastline.geojson of the shipped scenario) or
     "natural_earth", right to about 500 m; empty: none."""
-    input: Feed
+    input: Feed = Field(default_factory=LiveFeeds)
     extraction: PlotExtractor = CfarExtraction()
     plots: PlotConverter = PolarConversion()
     tracks: RadarTracker = TableTracker(method="guided_vimmjipda")

@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from coastwatch.sensors.live_feeds import NO_INPUT, LiveFeeds
 from coastwatch.sensors.recorded.datasets.autoferry import Autoferry
 from coastwatch.sensors.recorded.datasets.solent import Solent
 from coastwatch.sensors.recorded.nmea.feed import Nmea
@@ -16,18 +17,30 @@ from coastwatch.sensors.simulated.start_states import StartStates
 from coastwatch.sensors.simulated.video import SimulatedVideo
 
 Feed = Annotated[
-    Simulated | Nmea | AisTable | Tables | Autoferry | Solent | Crossing | StartStates | SimulatedVideo | VideoFiles,
+    Simulated
+    | Nmea
+    | AisTable
+    | Tables
+    | Autoferry
+    | Solent
+    | Crossing
+    | StartStates
+    | SimulatedVideo
+    | VideoFiles
+    | LiveFeeds,
     Field(discriminator="method"),
 ]
 SIMULATIONS = (Simulated, Crossing, StartStates, SimulatedVideo)
 """Feeds without a time of their own: they may begin now."""
 
 __all__ = [
+    "NO_INPUT",
     "SIMULATIONS",
     "AisTable",
     "Autoferry",
     "Crossing",
     "Feed",
+    "LiveFeeds",
     "Nmea",
     "Simulated",
     "SimulatedVideo",

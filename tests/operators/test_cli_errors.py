@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import types
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,9 @@ import pytest
 from coastwatch.batches import Fault, FileContent
 from coastwatch.formats.intake.accounts import UNACCOUNTED
 from coastwatch.operators.cli import main, progress, summary
+from coastwatch.scenario import load_scenario
+from coastwatch.server.feeds import live_input
+from coastwatch.server.feeds.address import parsed
 
 pytestmark = pytest.mark.contract
 
@@ -212,3 +216,23 @@ def test_a_broken_pipe_is_quiet() -> None:
     os.close(write)
     assert done.returncode == 141
     assert done.stderr == b""
+
+
+def test_a_scenario_for_live_feeds_has_no_input_and_is_refused_without_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is the example of the README of live feeds."""
+    lines = (Path(live_input.__file__).parent / "README.md").read_text("utf-8").splitlines()
+    begin, end = lines.index("    # coast.toml"), next(k for k, line in enumerate(lines) if "serve coast.toml" in line)
+    path = tmp_path / "coast.toml"
+    path.write_text("\n".join(line[4:] for line in lines[begin:end]))
+    scenario = load_scenario(str(path))
+    assert scenario.sensors().radars.name.tolist() == ["north"]
+    for address in lines[end].split("--feed ")[1:]:
+        parsed(address.strip(" '"))
+    for command in (["run", str(path)], ["serve", str(path), "--db", str(tmp_path / "x.db"), "--port", "0"]):
+        assert main(command) == 2
+        assert "input: got none, needed [input] with a method, or live feeds" in capsys.readouterr().err
+    to = ["--to", "json+udp://127.0.0.1:1"]
+    assert main(["feed", str(path), *to]) == 2
+    assert "input: got none" in capsys.readouterr().err

@@ -31,7 +31,7 @@ from coastwatch.operators.api.slow_requests import Frames, SlowRequestGuard
 from coastwatch.operators.api.tokens import Tokens, add
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
 from coastwatch.scenario import load_scenario
-from coastwatch.sensors import SIMULATIONS
+from coastwatch.sensors import NO_INPUT, SIMULATIONS, LiveFeeds
 from coastwatch.server.alarm_book import AlarmBook
 from coastwatch.server.deployment import Deployment, deployment, with_zones
 from coastwatch.server.feeds.address import parsed
@@ -161,6 +161,8 @@ def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.so
     if live and options.speed != 1.0:
         raise InputError("--speed: got it with --feed, needed one of them: feeds have their own speed")
     scenario = with_zones(load_scenario(name, options.settings), options.zones)
+    if not live and isinstance(scenario.input, LiveFeeds):
+        raise InputError(NO_INPUT)
     feeds = [parsed(text) for text in options.feed]
     scenario = with_track_sources(scenario, [address.source for address in feeds if FORMATS[address.format].own_source])
     if options.role == "centre":
