@@ -18,7 +18,7 @@ def selected(rows: Rows, sort: Sequence[str], limit: int | None, columns: Sequen
     """The rows sorted by some columns, the first of them, with these columns.
 
     Args: sort: names of columns, -NAME for descending; absent values come last. columns: none: all.
-    Raises: InputError that names an unknown column.
+    Raises: InputError that names a column that is unknown, or that `columns` has twice.
     """
     names, kept = list(rows.columns), list(rows.rows)
     for key in reversed(sort):
@@ -26,6 +26,9 @@ def selected(rows: Rows, sort: Sequence[str], limit: int | None, columns: Sequen
         kept.sort(key=lambda row: (isinstance(row[at], str), 0 if row[at] is None else row[at]), reverse=down)  # texts apart
         kept.sort(key=lambda row: row[at] in (None, ""))
     places = [_at(names, name, "--columns") for name in columns] or range(len(names))
+    for k, name in enumerate(columns):
+        if name in columns[:k]:
+            raise InputError(f"--columns: got {name!r} twice, needed each column once")
     return Rows(tuple(names[k] for k in places), [tuple(row[k] for k in places) for row in kept[:limit]])
 
 

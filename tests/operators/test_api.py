@@ -145,6 +145,7 @@ def test_the_past_is_answered_from_the_store(served: Served) -> None:
             "from: got '2030-01-01T00:00:00Z', which is after",
         ),
         ("/api/v1/picture?columns=moon", 400, "columns: got 'moon', needed some of "),
+        ("/api/v1/picture?columns=mmsi,mmsi&format=parquet", 400, "columns: got 'mmsi' twice, needed each column once"),
         ("/api/v1/picture?colums=a", 422, "colums: got 'a' for an unknown parameter, needed one of "),
         ("/api/v1/picture?limit=10001", 422, "limit: got '10001', needed 10000 or less"),
         ("/api/v1/picture?at=noon", 400, "at: got 'noon'"),

@@ -191,6 +191,8 @@ def test_rows_are_sorted_limited_and_cut_to_columns() -> None:
     assert selected(SHIPS, [], 1, ["mmsi", "vessel_id"]) == store.Rows(("mmsi", "vessel_id"), [("002320001", 1)])
     with pytest.raises(InputError, match=r"--sort: got 'vesel_id', needed some of .*; did you mean 'vessel_id'\?"):
         selected(SHIPS, ["vesel_id"], None, [])
+    with pytest.raises(InputError, match=r"--columns: got 'mmsi' twice, needed each column once"):
+        selected(SHIPS, [], None, ["mmsi", "vessel_id", "mmsi"])
 
 
 @pytest.mark.parametrize(("variable", "coloured"), [("FORCE_COLOR", True), ("NO_COLOR", False)])
