@@ -26,6 +26,7 @@ from coastwatch.store.read.picture_queries import bearing_tracks as bearing_trac
 from coastwatch.store.read.picture_queries import decided_path as decided_path
 from coastwatch.store.read.picture_queries import newest_statics as newest_statics
 from coastwatch.store.read.picture_queries import picture as picture
+from coastwatch.store.read.picture_queries import picture_cycle as picture_cycle
 from coastwatch.store.read.picture_queries import track as track
 from coastwatch.store.read.questions import operator_queries as operator_queries
 from coastwatch.store.read.questions import operator_query as operator_query

@@ -116,6 +116,11 @@ def test_a_sorted_page_is_as_if_every_vessel_were_formatted_and_only_the_page_is
 def test_the_past_is_answered_from_the_store(served: Served) -> None:
     now, then = (served.get(f"/api/v1/picture{at}").json() for at in ("", "?at=2025-06-15T15:06:43Z"))
     assert now["vessels"][1]["latitude_deg"] == pytest.approx(then["vessels"][1]["latitude_deg"] + 2e-5)
+    assert (now["cycle"], then["cycle"], then["time_utc"], "warning" in then) == (2, 0, "2025-06-15T15:06:43.000Z", False)
+    later = served.get("/api/v1/picture?at=2099-01-01")
+    assert (later.json()["cycle"], later.json()["time_utc"]) == (2, now["time_utc"])
+    assert later.json()["warning"] == later.headers["x-warning"]
+    assert later.headers["x-warning"].startswith("at: run 1 holds nothing at 2099-01-01T00:00:00.000Z: its last cycle is at ")
     for path in ("picture", "frame"):
         early = served.get(f"/api/v1/{path}?at=2020-01-01")
         assert early.status_code == 404, "the database is there; it holds nothing of then"

@@ -7,7 +7,6 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
@@ -180,7 +179,8 @@ def picture(request: Request, service: In, form: As, chosen: Annotated[Chosen, Q
         tag = f'W/"{hashlib.sha256(asked.encode()).hexdigest()[:32]}"'
         if request.headers.get("if-none-match") == tag:
             return Response(status_code=304, headers={"ETag": tag})
-    shown = _picture_at(service, parsed(utc, "at", chosen.at))
+    at_s = parsed(utc, "at", chosen.at)
+    shown = _picture_at(service, at_s)
     rows = chosen.rows(shown)
     if chosen.sort is not None:
         rows = rows[order(lambda name: shown.column(name, rows), COLUMNS, _names(chosen.sort))]
@@ -188,6 +188,8 @@ def picture(request: Request, service: In, form: As, chosen: Annotated[Chosen, Q
     vessels = selected(presentation.in_operator_units(page), (), None, _names(chosen.columns))
     head = {"run": shown.run_id, "cycle": shown.cycle, "time_utc": presentation.utc_text(shown.time_s), "total": len(rows)}
     headers = _page(request, len(rows), chosen.offset, chosen.limit) | ({"ETag": tag} if tag else {})
+    if at_s is not None and (warning := presentation.beyond_end(service.store, service.run_row(), at_s)):
+        head["warning"] = headers["X-Warning"] = f"at: {warning}"
     return _answer(vessels, form, "vessels", {**head, "offset": chosen.offset}, headers)
 
 
@@ -427,12 +429,11 @@ def _picture_at(service: Service, at_s: float | None) -> LivePicture:
     if at_s is None:
         return service.picture()
     run_id = service.run_id()
-    last_s = store.last_instant(service.store, run_id)
     try:
-        past = of_store(service.store, run_id, -1, at_s if last_s is None else min(at_s, last_s), at_s)
+        number, time_s = store.picture_cycle(service.store, run_id, at_s)
+        return of_store(service.store, run_id, number, time_s, time_s)
     except NotThere as error:
         raise HTTPException(404, f"at: {str(error).removeprefix(f'{service.store.where}: ')}") from error
-    return replace(past, time_s=float(past.array("time_s").max())) if len(past) else past
 
 
 def _vessel(service: Service, vessel_id: int) -> tuple[presentation.Run, presentation.Vessel]:

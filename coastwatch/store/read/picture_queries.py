@@ -63,6 +63,7 @@ COLUMNS = (
 FEW = 1000
 """Up to this many vessels are looked up one by one; for more, whole tables of the run are read."""
 
+_HAS_PICTURE = or_(CYCLE.c.history_from.is_not(None), CYCLE.c.recorded)
 LAST_AIS = ("last_ais_mmsi", "last_ais_name", "last_ais_until_s")
 Columns = dict[str, Array]
 
@@ -102,9 +103,15 @@ def picture(
         if at_s is None:
             here = [] if bbox is None else [is_inside(VESSEL.c.latitude_deg, VESSEL.c.longitude_deg, bbox)]
             return _picture_now(connection, run_id, columns, *here)
-        kept = or_(CYCLE.c.history_from.is_not(None), CYCLE.c.recorded)
-        cycle = cycle_at(connection, store, run_id, at_s, kept)
-        return picture_of_cycle(connection, run_id, cycle, bbox, columns)
+        return picture_of_cycle(connection, run_id, cycle_at(connection, store, run_id, at_s, _HAS_PICTURE), bbox, columns)
+
+
+def picture_cycle(store: Store, run_id: int, at_s: float) -> tuple[int, float]:
+    """Number and time of the cycle whose picture `picture` answers at an instant. Raises: StoreError as it does."""
+    with reading(store) as connection:
+        number = cycle_at(connection, store, run_id, at_s, _HAS_PICTURE)
+        time_s = connection.scalar(select(CYCLE.c.time_s).where(CYCLE.c.run_id == run_id, CYCLE.c.number == number))
+    return number, float(time_s or 0.0)
 
 
 def track(store: Store, run_id: int, vessel_id: int) -> VesselTrack:
