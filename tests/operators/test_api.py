@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from pathlib import Path
 from socket import create_connection
 from typing import Any
 
@@ -168,6 +169,18 @@ def test_the_past_is_answered_from_the_store(served: Served) -> None:
 def test_a_wrong_request_is_refused_in_one_sentence(served: Served, path: str, status: int, said: str) -> None:
     answer = served.get(path)
     assert (answer.status_code, said in answer.json()["detail"]) == (status, True), answer.text
+
+
+def test_a_method_that_a_path_does_not_have_is_refused_and_what_is_no_path_is_none(served: Served, tmp_path: Path) -> None:
+    (tmp_path / "index.html").touch()  # the files of the page are asked for whatever no route has
+    with listening(served.service, web=tmp_path) as address:
+        for path in ("zones/abc", "zones/1.5", "nothing"):
+            answer = httpx.delete(f"http://{address}/api/v1/{path}")
+            assert (answer.status_code, answer.json()) == (404, {"detail": f"there is no path /api/v1/{path}"})
+        for path, allowed in (("/api/v1/zones", "GET, POST"), ("/index.html", "GET, HEAD")):
+            answer = httpx.delete(f"http://{address}{path}")
+            assert (answer.status_code, answer.headers["allow"]) == (405, allowed), path
+            assert answer.json() == {"detail": f"got DELETE, needed {allowed.replace(', ', ' or ')}"}
 
 
 def test_details_have_a_tag_and_one_vessel_says_why(served: Served) -> None:

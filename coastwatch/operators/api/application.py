@@ -188,4 +188,7 @@ async def _wrong_path(request: Request, error: Exception) -> Response:
 
 async def _wrong_method(request: Request, _: Exception) -> Response:
     methods = methods_of(request.scope)
+    if not methods and request.url.path.startswith("/api/"):  # no route has the path, and so the files of the page refused it
+        return await _wrong_path(request, HTTPException(404))
+    methods = methods or ["GET", "HEAD"]  # of a file
     return JSONResponse({"detail": f"got {request.method}, needed {' or '.join(methods)}"}, 405, {"Allow": ", ".join(methods)})
