@@ -94,6 +94,7 @@ CASES: dict[str, tuple[str, int, str]] = {
     "an option of an output": ("serve guanabara --out cot+udp://h:1?rat=2", 2, "out: got the option rat in .*, needed one of rate;"),
     "an option of a region": ("serve guanabara --role centre --region ws://h:1?nam=a", 2, r"region: got .* .unknown: nam., needed"),
     "where a file is read from": ("serve guanabara --feed ais+file:l.nmea?from=end", 2, "feed: got from=end in .*, needed from=start"),
+    "a token of the past": ("token add ana --expires 2020-01-01", 2, "--expires: got 2020-01-01T00:00:00.000Z, needed .* after now"),
     "a format as an option": ("picture --gpx", 2, "got '--gpx', .*; did you mean '--format gpx'?"),
     "an empty CSV": ("fuse --ais empty.csv", 2, "empty.csv: got an empty file"),
     "a folder for a CSV": ("fuse --ais folder", 2, "folder: got a folder, needed a file"),

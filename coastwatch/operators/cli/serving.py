@@ -289,7 +289,9 @@ def _guard(options: Deployment) -> Guard:
 
 
 def add_token(options: argparse.Namespace) -> int:
-    """Make a token and print it; the file keeps its hash only."""
+    """Make a token and print it; the file keeps its hash only. Raises: InputError, OSError."""
+    if options.expires is not None and options.expires <= time.time():
+        raise InputError(f"--expires: got {presentation.utc_text(options.expires)}, needed an instant after now")
     token = add(Path(options.tokens), options.name, options.role, options.expires)
     print(token)
     print(f"coastwatch: {options.role} {options.name} is in {options.tokens}; the token is shown this once", file=sys.stderr)
