@@ -186,6 +186,7 @@ def run_centre(
         shown = PictureInput(tracks, associations, fused, alarms, time_s, sensors, by_bearings, detection, hearing, jumped)
         picture_memory, (picture, members) = s.picture.step(m.picture, shown)
         sound = limits.are_sound(picture.position_deg, picture.covariance)
+        odd = ~sound & ~limits.are_near_a_pole(picture.position_deg)
         good = sound & picture_memory.confirmed
         if not good.all():
             members = members.take(~np.isin(members.vessel_id, picture.vessel_id[~good]))
@@ -245,6 +246,6 @@ def run_centre(
         RadarCorrections.none(len(sensors.radars)),
         vessel_alarms=vessel_alarms,
         events=events,
-        unsound=int((~sound).sum()),
+        unsound=int(odd.sum()),
         left_out=left_out,
     )

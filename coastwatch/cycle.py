@@ -246,14 +246,17 @@ def run_cycle(
 def _sound(
     tracks: Tracks, measurements: Measurements, alarms: AisAlarms, bearings: BearingTracks
 ) -> tuple[Tracks, Measurements, AisAlarms, BearingTracks, dict[str, int]]:
-    """The same without tracks whose state is none, and how many those are: no later stage can use them."""
+    """The same without tracks whose state is none, and how many those are: no later stage can use them.
+
+    A track that passes the highest latitude ends, and is not counted.
+    """
     good = limits.are_sound(tracks.position_deg, tracks.covariance)
     seen = np.isfinite(bearings.bearing_rad) & np.isfinite(bearings.covariance.sum(axis=(1, 2)))
     if good.all() and seen.all():
         return tracks, measurements, alarms, bearings, {}
     gone = tracks.track_id[~good]
     kept = measurements.take(~np.isin(measurements.track_id, gone)), alarms.take(~np.isin(alarms.track_id, gone))
-    counts = {"track": int((~good).sum()), "bearing track": int((~seen).sum())}
+    counts = {"track": int((~good & ~limits.are_near_a_pole(tracks.position_deg)).sum()), "bearing track": int((~seen).sum())}
     return tracks.take(good), *kept, bearings.take(seen), counts
 
 

@@ -18,6 +18,9 @@ from coastwatch.batches.video import RadarVideo, Videos
 from coastwatch.kernels.arrays import Bools, Floats
 
 HIGHEST_LATITUDE_DEG = 85.0
+"""North and south, to which planes tangent to the earth are right (`coastwatch.geodesy`)."""
+
+LATITUDES = f"latitude {-HIGHEST_LATITUDE_DEG:g} to {HIGHEST_LATITUDE_DEG:g}"
 MOST_RANGE_M = 500_000.0
 RANGE_SIGMA_M = 1e-3, 20_000.0
 AZIMUTH_SIGMA_DEG = 1e-5, 90.0
@@ -50,7 +53,7 @@ def radar_faults(radar: RadarReports) -> Masks:
         "time": _no_time(radar.time_s, radar.received_s),
         "range": ~((radar.range_m >= 0.0) & (radar.range_m <= MOST_RANGE_M)),
         "azimuth": ~(np.abs(radar.azimuth_deg) <= 360.0),
-        "site": ~_is_on_earth(radar.site_deg),
+        f"site ({LATITUDES})": ~_is_on_earth(radar.site_deg),
         "standard deviation of range": _no_sigma(radar.range_sigma_m, RANGE_SIGMA_M),
         "standard deviation of azimuth": _no_sigma(radar.azimuth_sigma_deg, AZIMUTH_SIGMA_DEG),
     }
@@ -61,14 +64,14 @@ def bearing_faults(bearing: BearingReports) -> Masks:
     return {
         "time": _no_time(bearing.time_s, bearing.received_s),
         "bearing": ~(np.abs(bearing.bearing_deg) <= 360.0),
-        "site": ~_is_on_earth(bearing.site_deg),
+        f"site ({LATITUDES})": ~_is_on_earth(bearing.site_deg),
         "standard deviation of bearing": _no_sigma(bearing.bearing_sigma_deg, AZIMUTH_SIGMA_DEG),
     }
 
 
 def ais_faults(ais: AisReports) -> Masks:
     """Which AIS reports are none, by kind. (M,) each."""
-    return {"time": _no_time(ais.time_s, ais.received_s), "position": ~_is_on_earth(ais.position_deg)}
+    return {"time": _no_time(ais.time_s, ais.received_s), f"position ({LATITUDES})": ~_is_on_earth(ais.position_deg)}
 
 
 def track_faults(tracks: TrackReports) -> Masks:
@@ -77,7 +80,7 @@ def track_faults(tracks: TrackReports) -> Masks:
     given = ~np.isnan(velocity).all(axis=1)
     return {
         "time": _no_time(tracks.time_s, tracks.received_s),
-        "position": ~_is_on_earth(tracks.position_deg),
+        f"position ({LATITUDES})": ~_is_on_earth(tracks.position_deg),
         "velocity": given & ~(np.hypot(velocity[:, 0], velocity[:, 1]) <= MOST_SPEED_M_S),
         "covariance": _no_covariance(tracks.covariance),
     }
@@ -95,7 +98,7 @@ def video_faults(video: RadarVideo) -> Masks:
         "time": _no_time(video.time_s, video.received_s),
         "range": np.full(len(video), not far_m <= MOST_RANGE_M),
         "azimuth": ~(np.abs(video.azimuth_rad) <= 2.0 * np.pi),
-        "site": ~_is_on_earth(video.site_deg),
+        f"site ({LATITUDES})": ~_is_on_earth(video.site_deg),
     }
 
 
@@ -142,6 +145,12 @@ def are_sound(position_deg: Floats, covariance: Floats) -> Bools:
     finite = ~np.isinf(covariance[some]).any(axis=(1, 2))
     good[some] = finite & (~given.any(axis=(1, 2)) | np.isfinite(of_position).all(axis=(1, 2)))
     return np.asarray(_is_on_earth(position_deg) & good)
+
+
+def are_near_a_pole(position_deg: Floats) -> Bools:
+    """Which positions are beyond the highest latitude: a track or vessel ends there. (N, 2) -> (N,)"""
+    latitude_deg = np.abs(position_deg[:, 0])
+    return np.asarray((latitude_deg > HIGHEST_LATITUDE_DEG) & (latitude_deg <= 90.0))
 
 
 def _no_time(*times_s: Floats) -> Bools:

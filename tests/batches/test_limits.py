@@ -160,3 +160,22 @@ def test_ais_tracks_without_covariances_are_associated_and_drop_nothing() -> Non
     assert np.isnan(cycle.tracks.covariance[of_ais]).all()
     assert of_ais.sum() > 5
     assert memory.beyond == {}
+
+
+def test_a_vessel_that_passes_the_highest_latitude_ends_and_is_no_fault() -> None:
+    north, last_s = 257_000_004, PLAN.instant_s(3)
+
+    def more(reports: Reports, now_s: float) -> Reports:
+        if not len(reports.ais) or now_s > last_s:  # it is silent, and its track goes on
+            return reports
+        ship = {"time_s": now_s, "received_s": now_s, "mmsi": north, "sog_kn": 20.0, "cog_deg": 0.0}
+        fields = {key: np.array([value]) for key, value in ship.items()}
+        fields["position_deg"] = np.array([[84.999 + 9.2e-5 * (now_s - last_s), 20.0]])
+        one = replace(reports.ais.take(np.array([0])), **fields)
+        return replace(reports, ais=type(one).join([reports.ais, one]))
+
+    _, shown = run(4, more)
+    assert north in shown.picture.mmsi
+    memory, later = run(12, more)
+    assert north not in later.picture.mmsi
+    assert [fault for fault in dropped(memory, SENSORS) if fault.kind.startswith(limits.BEYOND)] == []

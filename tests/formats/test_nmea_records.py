@@ -95,7 +95,7 @@ def test_every_kind_of_bad_record_is_counted_with_its_line_and_stops_nothing(tmp
         "payload too short": f"!AIVDM,1,1,,A,13u?etP,0*{checked('AIVDM,1,1,,A,13u?etP,0')}",
         "lone part of a message": five[0],
         "position not available": sentence(lat=91.0)[0],
-        "latitude out of range": sentence(lat=86.0)[0],
+        "latitude out of range, -85 to 85": sentence(lat=86.0)[0],
         "longitude out of range": sentence(lon=190.0)[0],
         "not a sentence": "?? noise ??",
         "undecodable": f"!AIVDM,1,1,,A,H3KLehdt00000000?6ekkjm000000,0*{checked('AIVDM,1,1,,A,H3KLehdt00000000?6ekkjm000000,0')}",

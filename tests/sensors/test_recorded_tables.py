@@ -176,7 +176,7 @@ def test_every_kind_of_bad_row_is_counted_with_its_line_and_stops_nothing(tmp_pa
         "unparsable cell": row(1, lon="west"),
         "non-finite": row(1, lat="nan"),
         "position not available": row(1, lat="91"),
-        "latitude out of range": row(1, lat="-95"),
+        "latitude out of range, -85 to 85": row(1, lat="-95"),
         "longitude out of range": row(1, lon="200"),
         "not an MMSI": row(1, mmsi="-1"),
         "time going backwards": row(-100),

@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch.batches import Floats, TrackReports
+from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
 from coastwatch.formats.intake.faults import SET_ASIDE
 from coastwatch.formats.nmea.targets import track_reports
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
 
 NO_NUMBER = "track without number or position"
 ENDED = SET_ASIDE + "last report of a track"
-HIGHEST_LATITUDE = 85.0
 
 
 class Track(NamedTuple):
@@ -57,7 +57,7 @@ def track_of(record: Any, category: int, time_s: float, site_deg: Floats) -> Tra
         return ENDED
     number = record.get_item("040" if category == 62 else "161")
     position = _position(record, category, site_deg)
-    if number is None or not (abs(position[0]) < HIGHEST_LATITUDE and abs(position[1]) <= 180.0):
+    if number is None or not (abs(position[0]) < HIGHEST_LATITUDE_DEG and abs(position[1]) <= 180.0):
         return NO_NUMBER
     name = int(number.as_uint()) if category == 62 else uint_of(number, "TRK")
     return Track(name, time_s, *position, *_velocity(record, category), *_sigmas(record, category))

@@ -14,6 +14,7 @@ from pydantic import Field
 
 from coastwatch.batches import AisReports, AisStatics, Batch, Bools, Floats, Ints, column
 from coastwatch.batches.ais_codes import LARGEST_MMSI, is_aid_to_navigation, is_coast_station, is_rescue_aircraft
+from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
 from coastwatch.batches.struct import optional_column
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.intake.reception_time import (
@@ -34,7 +35,6 @@ Timed = TypeVar("Timed", AisReports, AisStatics)
 
 
 NOT_AVAILABLE_LATITUDE, NOT_AVAILABLE_LONGITUDE = 91.0, 181.0  # ITU-R M.1371
-HIGHEST_LATITUDE = 85.0  # limit of coastwatch.geodesy
 NOT_AVAILABLE_SOG_KN = 102.25  # 102.3 is not available; a table may have rounded it
 CLOCK_SLACK_S = 2.0  # the clock of the receiver may be this late against the second in a message
 
@@ -44,7 +44,7 @@ AID_TO_NAVIGATION = SET_ASIDE + "aid to navigation"
 AIRCRAFT = SET_ASIDE + "search and rescue aircraft"
 NON_FINITE = "non-finite"
 NO_POSITION = "position not available"
-LATITUDE = "latitude out of range"
+LATITUDE = f"latitude out of range, {-HIGHEST_LATITUDE_DEG:g} to {HIGHEST_LATITUDE_DEG:g}"
 LONGITUDE = "longitude out of range"
 DUPLICATE = SET_ASIDE + "duplicate"
 QUICK_REPEAT = SET_ASIDE + "quick repeat of one position"
@@ -252,7 +252,7 @@ def _faults(rows: AisRows) -> dict[str, Bools]:
         **no_vessels(rows.mmsi, rows.station),
         NON_FINITE: infinite,
         NO_POSITION: (lat == NOT_AVAILABLE_LATITUDE) | (lon == NOT_AVAILABLE_LONGITUDE),
-        LATITUDE: ~(np.abs(lat) <= HIGHEST_LATITUDE),
+        LATITUDE: ~(np.abs(lat) <= HIGHEST_LATITUDE_DEG),
         LONGITUDE: ~(np.abs(lon) <= 180.0),
     }
 

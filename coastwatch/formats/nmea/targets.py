@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from coastwatch.batches import Floats, Reports, TrackReports, TrackSources
+from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
 from coastwatch.formats.format import Format, OutSettings, Vessels
-from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE
+from coastwatch.formats.intake.ais_validation import LATITUDE, LONGITUDE
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
 from coastwatch.formats.nmea.messages import UNDECODABLE
@@ -136,7 +137,7 @@ def _state(message: Any, kind: bytes, clock_s: float, own: _OwnShip) -> tuple[St
         place = offset_deg(np.array([own_latitude, own_longitude]), np.array(_vector(distance, bearing)))
         latitude, longitude = float(place[0]), float(place[1])
         velocity = _velocity(message, heading, own)
-    if not abs(latitude) <= HIGHEST_LATITUDE:
+    if not abs(latitude) <= HIGHEST_LATITUDE_DEG:
         return None, LATITUDE
     if not abs(longitude) <= 180.0:
         return None, LONGITUDE

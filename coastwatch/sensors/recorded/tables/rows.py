@@ -9,8 +9,9 @@ from functools import partial
 import numpy as np
 
 from coastwatch.batches import Array, Bools, FileContent, Floats, Ints
+from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
 from coastwatch.errors import InputError
-from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, NON_FINITE, AisIntake, of_table
+from coastwatch.formats.intake.ais_validation import LATITUDE, LONGITUDE, NON_FINITE, AisIntake, of_table
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.reception_time import BACKWARDS, LATE, SORTED, backwards_note, reception_times
 from coastwatch.sensors.recorded.tables.reader import Table
@@ -256,7 +257,7 @@ def arrived(
 def off_earth(values: dict[str, Floats]) -> dict[str, Bools]:
     """Which positions are none, by the kind of the fault."""
     latitude, longitude = np.abs(values["latitude"]), np.abs(values["longitude"])
-    return {LATITUDE: ~(latitude <= HIGHEST_LATITUDE), LONGITUDE: ~(longitude <= 180.0)}
+    return {LATITUDE: ~(latitude <= HIGHEST_LATITUDE_DEG), LONGITUDE: ~(longitude <= 180.0)}
 
 
 def sensor_numbers(table: Table, column: str | None, names: Array, kind: str, tally: Tally) -> Ints:

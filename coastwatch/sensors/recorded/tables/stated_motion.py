@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from coastwatch.batches import Floats, Ints
-from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE
+from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
 from coastwatch.geodesy import KNOT_M_S, difference_m
 
 SPEED_KN = {"kn": 1.0, "m/s": 1.0 / KNOT_M_S, "km/h": 1.0 / 1.852}
@@ -45,7 +45,7 @@ def doubts(track: Ints, time_s: Floats, position_deg: Floats, velocity_m_s: Floa
                     f"{mend}",
                 )
         return ()
-    if (np.abs(position_deg) <= HIGHEST_LATITUDE).all():
+    if (np.abs(position_deg) <= HIGHEST_LATITUDE_DEG).all():
         median, tracks = _ratio(number, stated_m, difference_m(after[:, ::-1], before[:, ::-1]))
         if abs(median - 1.0) <= TOLERANCE:
             return (
