@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import parse_qsl, unquote
@@ -152,10 +152,14 @@ def document(files: Files, sensors: Mapping[str, Sequence[Site]], period_s: floa
     }
 
 
-def track_sources(files: Files, site: tuple[float, float] | None) -> list[Site]:
-    """The track sources of files, each with a name made of its file's, then those of feeds. Files with NMEA come last, as in `document`."""
+def track_sources(files: Files, site: tuple[float, float] | None, taken: Collection[str] = ()) -> list[Site]:
+    """The track sources of files, each with a name made of its file's, then those of feeds. Files with NMEA come last, as in `document`.
+
+    Args: site: of all; taken: names of sonars.
+    """
     ordered = sorted(files.tracks, key=lambda name: has_sentences(Path(name), "tracks"))
     stems = [re.sub(r"[^A-Za-z0-9_]+", "-", Path(name).name.split(".")[0])[:24] or "tracks" for name in ordered]
+    stems = [f"{stem}-tracks" if stem in ("ais", *taken) else stem for stem in stems]
     names = [stem if stems.count(stem) == 1 else f"{stem}-{k}" for k, stem in enumerate(stems, 1)]
     place: dict[str, str | float] = {} if site is None else {"latitude_deg": site[0], "longitude_deg": site[1]}
     names += dict.fromkeys(feed.source for feed in files.feeds if feed.source is not None)

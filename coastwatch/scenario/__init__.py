@@ -3,7 +3,7 @@
 from coastwatch.scenario.extending import ScenarioError
 from coastwatch.scenario.model import Scenario, StoreSettings, WorkerSettings
 from coastwatch.scenario.reading import load_scenario, make_scenario, scenario_names
-from coastwatch.scenario.sites import Area, Radar, Sonar, Station, TrackSource
+from coastwatch.scenario.sites import Area, Radar, Sonar, Station, TrackSource, refuse_shared_names
 
 __all__ = [
     "Area",
@@ -17,5 +17,6 @@ __all__ = [
     "WorkerSettings",
     "load_scenario",
     "make_scenario",
+    "refuse_shared_names",
     "scenario_names",
 ]

@@ -29,7 +29,7 @@ class Radar(Settings):
     """The specification of a radar."""
 
     name: Name  # unique among the radars
-    region: Name = "region"  # the radars of a region make one set of tracks
+    region: Name = "region"  # the radars of a region make one set of tracks; not "ais"
     latitude_deg: Latitude | None = None  # of the antenna; none: a radar that moves, with its position in each row of its plots
     longitude_deg: Longitude | None = None
     range_nm: Positive
@@ -73,7 +73,7 @@ class Station(Settings):
 class Sonar(Settings):
     """A bearing sensor: a passive sonar, a camera, a direction finder."""
 
-    name: Name  # unique among the sonars
+    name: Name  # unique among the sonars, radars, regions and sources of tracks; not "ais"
     latitude_deg: Latitude
     longitude_deg: Longitude
     range_nm: Positive
@@ -86,13 +86,34 @@ class Sonar(Settings):
 class TrackSource(Settings):
     """A system that sends finished tracks: a coast radar with a tracker of its own, another centre."""
 
-    name: Name  # unique among the sources of tracks
+    name: Name  # unique among the sources of tracks; not "ais"
     latitude_deg: Latitude | None = None  # of the radar, where sentences give range and bearing without a position of their own
     longitude_deg: Longitude | None = None  # of the radar
     heading_deg: Annotated[float, Field(ge=0.0, lt=360.0)] = 0.0  # of a radar that does not move, for relative bearings
     position_sigma_m: Positive = 50.0  # per axis, of tracks without covariance, until their differences to AIS are known
     velocity_sigma_m_s: Positive = 1.0  # per axis, the same
     patience_s: Positive = 30.0  # a track is dropped if it is not sent for this time or for 2.5 of its own intervals
+
+
+def refuse_shared_names(radars: Sequence[Radar], track_sources: Sequence[TrackSource], sonars: Sequence[Sonar]) -> None:
+    """Refuses a name that two kinds of sources or sensors share: pictures and questions tell sources by their names alone.
+
+    A track source may have the name of a region: at a centre it takes the place of that region.
+
+    Raises: InputError.
+    """
+    of_ais = {"ais": "AIS"}
+    of_others = of_ais | {radar.name: "a radar" for radar in radars} | {radar.region: "a region" for radar in radars}
+    of_others |= {source.name: "a track source" for source in track_sources}
+    regions, systems, bearings = [r.region for r in radars], [t.name for t in track_sources], [s.name for s in sonars]
+    for kind, names, taken in (
+        ("region", regions, of_ais),
+        ("track_sources", systems, of_ais),
+        ("sonars", bearings, of_others),
+    ):
+        for name in names:
+            if name in taken:
+                raise InputError(f"{kind}: got the name {name!r}, which is also that of {taken[name]}, needed another one")
 
 
 def sensors_of(

@@ -258,6 +258,14 @@ def test_finished_tracks_and_ais_become_two_ships(files: Path, capsys: pytest.Ca
     assert "2 tracks, 120 states, 0 dropped; " in capsys.readouterr().out
 
 
+def test_a_file_of_tracks_that_is_named_as_ais_or_a_sonar_is_a_source_of_another_name(tmp_path: Path) -> None:
+    paths = [str(tmp_path / name) for name in ("ais.csv", "camera.csv", "vts.csv")]
+    for path in paths:
+        Path(path).write_text("time,track,lat,lon\n")
+    sources = recorded.track_sources(recorded.Files((), None, None, tuple(paths), {}), None, ["camera"])
+    assert [source["name"] for source in sources] == ["ais-tracks", "camera-tracks", "vts"]
+
+
 def test_bearings_from_the_bow_need_position_and_heading(tmp_path: Path) -> None:
     at, velocity = np.array([3000.0, 1000.0]), np.array([4.0, -2.0])
     own = checked("GPGGA,221320.00,1700.0000,S,17958.8000,E,1,8,1.0,1,M,,M,,")

@@ -87,6 +87,9 @@ WRONG = {
     "method of the input": (replaced('method = "simulated"', 'method = "psychic"'), "input.method", "'psychic', needed one of"),
     "no input": (replaced('method = "simulated"\n', ""), "input", "method"),
     "two of a name": (replaced('"radar-2"', '"radar-1"'), "radars", "got the name 'radar-1' 2 times, needed each once"),
+    "a region named as AIS": (added('\n[[radars]]\nname = "r"\nregion = "ais"\nrange_nm = 6\nrpm = 20\n'), "region", "also that of AIS"),
+    "a sonar named as a radar": (replaced('name = "sonar-1"', 'name = "radar-1"'), "sonars", "'radar-1', which is also that of a radar"),
+    "a track source named as AIS": (added('\n[[track_sources]]\nname = "ais"\n'), "track_sources", "'ais', which is also that of AIS"),
     "halo": (added("\n[spots]\nhalo_m = 100.0\n"), "spots.halo_m", "got 100.0, needed at least associations.gate_m = 1000.0"),
 }  # fmt: skip
 

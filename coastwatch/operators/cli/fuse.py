@@ -44,7 +44,7 @@ def fuse(options: argparse.Namespace) -> int:
         tuple(feeds),
         tuple(screens),
     )
-    sensors["track_sources"] = recorded.track_sources(files, options.track_site)
+    sensors["track_sources"] = recorded.track_sources(files, options.track_site, [sonar["name"] for sonar in options.sonar])
     document = recorded.document(files, sensors, files.default_period_s if options.period is None else options.period)
     scenario = make_scenario(document, "coastwatch fuse", dict(options.settings))
     return carry_out(recorded.framed(scenario), options, None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from coastwatch.scenario import Scenario, ScenarioError, TrackSource
+from coastwatch.scenario import Scenario, ScenarioError, TrackSource, refuse_shared_names
 
 PATIENCE_S = 10.0
 """A track that its region has not sent for so long is dropped: a region sends all its tracks in every cycle."""
@@ -21,7 +21,8 @@ def of_centre(scenario: Scenario, regions: Sequence[str]) -> Scenario:
 def with_track_sources(scenario: Scenario, names: Sequence[str], patience_s: float = 30.0) -> Scenario:
     """The scenario with a track source of each of these names. One that it has already keeps its settings.
 
-    Args: patience_s: of the new ones. Raises: ScenarioError: a name is there twice.
+    Args: patience_s: of the new ones.
+    Raises: ScenarioError: a name is there twice; InputError, as of `refuse_shared_names`.
     """
     twice = sorted({name for name in names if list(names).count(name) > 1})
     if twice:
@@ -29,4 +30,5 @@ def with_track_sources(scenario: Scenario, names: Sequence[str], patience_s: flo
         raise ScenarioError(f"track source: got the name {twice[0]!r} {count} times, needed each once: name=NAME")
     present = {source.name for source in scenario.track_sources}
     added = tuple(TrackSource(name=name, patience_s=patience_s) for name in names if name not in present)
+    refuse_shared_names(scenario.radars, added, scenario.sonars)
     return scenario.model_copy(update={"track_sources": (*scenario.track_sources, *added)})
