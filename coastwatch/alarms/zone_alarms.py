@@ -65,6 +65,12 @@ class Zone(Settings):
     crossing: Literal["none", "both", "to_left", "to_right"] = "none"  # alarm for vessels that cross the line
 
     @model_validator(mode="after")
+    def _has_a_name(self) -> Zone:
+        if not self.name.strip():
+            raise ValueError(f"name: got {self.name!r}, needed one with more than blanks")
+        return self
+
+    @model_validator(mode="after")
     def _has_a_shape(self) -> Zone:
         count, is_line = len(self.points_deg), self.kind == "line"
         if self.kind == "circle":

@@ -154,6 +154,8 @@ def test_the_past_is_answered_from_the_store(served: Served) -> None:
         ("/api/v1/picture?columns=mmsi,mmsi&format=parquet", 400, "columns: got 'mmsi' twice, needed each column once"),
         ("/api/v1/picture?colums=a", 422, "colums: got 'a' for an unknown parameter, needed one of "),
         ("/api/v1/picture?limit=10001", 422, "limit: got '10001', needed 10000 or less"),
+        ("/api/v1/picture?min_sog=5&max_sog=2", 400, "min_sog: got 5, needed at most max_sog = 2"),
+        ("/api/v1/runs?format=geojson", 422, "format: got 'geojson', needed 'json', 'csv' or 'parquet'"),
         ("/api/v1/picture?at=noon", 400, "at: got 'noon'"),
         ("/api/v1/vessels?ids=1,x", 400, "ids:"),
         ("/api/v1/vessels", 400, "ids and q"),
@@ -169,6 +171,20 @@ def test_the_past_is_answered_from_the_store(served: Served) -> None:
 def test_a_wrong_request_is_refused_in_one_sentence(served: Served, path: str, status: int, said: str) -> None:
     answer = served.get(path)
     assert (answer.status_code, said in answer.json()["detail"]) == (status, True), answer.text
+
+
+def test_the_description_has_the_formats_that_are_answered_and_a_wrong_one_is_named_once(served: Served) -> None:
+    wrong = served.get("/api/v1/picture?format=xml")
+    assert (wrong.status_code, wrong.json()["detail"].count("'xml'")) == (422, 1)
+    paths = served.get("/api/v1/openapi.json").json()["paths"]
+    content = {
+        path: set(paths[f"/api/v1/{path}"]["get"]["responses"]["200"]["content"]) for path in ("runs", "audit", "coastline")
+    }
+    rows = {"application/json", "text/csv", "application/vnd.apache.parquet"}
+    assert content == {"runs": rows, "audit": rows, "coastline": {"application/geo+json"}}
+    for path in ("runs", "audit"):
+        answer = served.get(f"/api/v1/{path}", headers={"Accept": "application/geo+json, text/csv"})
+        assert (answer.status_code, answer.headers["content-type"].partition(";")[0]) == (200, "text/csv")
 
 
 def test_a_method_that_a_path_does_not_have_is_refused_and_what_is_no_path_is_none(served: Served, tmp_path: Path) -> None:

@@ -82,6 +82,7 @@ def test_zones_are_added_changed_and_deleted_and_a_live_run_watches_them(changin
             "radius_nm: got a circle that reaches latitude -85.07, needed more than -85",
         ),
         ({**RING, "name": "a\0b"}, 422, r"name: got 'a\x00b', needed text without control characters"),
+        ({**RING, "name": "  "}, 400, "name: got '  ', needed one with more than blanks"),
         ({**RING, "name": "a\x1b[2J"}, 422, "name: got "),
         ({**RING, "name": "a\nb"}, 422, "name: got "),
     ):

@@ -7,7 +7,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 import numpy as np
 from fastapi import APIRouter, Depends, HTTPException, Path, Query, Request, Response
@@ -46,6 +46,7 @@ KINDS = {kind.name.lower(): bit for kind, bit in KIND_OF_SOURCE.items()}
 FLAGS = {str(flag.name).lower(): int(flag) for flag in Flag}
 
 Form = Literal["json", "geojson", "csv", "parquet"]
+FormWithoutPositions = Literal["json", "csv", "parquet"]
 Text = Annotated[str | None, Field(max_length=200)]
 Limit = Annotated[int, Field(ge=0, le=MOST_ROWS)]
 VesselId = Annotated[int, Path(ge=0, le=LARGEST_ID)]
@@ -86,6 +87,14 @@ ROWS: dict[int | str, dict[str, Any]] = {
 }
 
 
+WITHOUT_POSITIONS: dict[int | str, dict[str, Any]] = {
+    200: {
+        **ROWS[200],
+        "content": {kind: schema for kind, schema in ROWS[200]["content"].items() if kind != TYPES["geojson"]},
+    }
+}
+
+
 def service_of(request: Request) -> Service:
     """The service of the application."""
     service: Service = request.app.state.service
@@ -94,14 +103,22 @@ def service_of(request: Request) -> Service:
 
 def form_of(request: Request, format: Form | None = None) -> str:  # noqa: A002 (the name of a query parameter)
     """The format that is asked for: by `?format=`, else by the first known type in Accept, else JSON."""
-    if format is not None:
-        return format
+    return format or _accepted(request, get_args(Form))
+
+
+def form_without_positions(request: Request, format: FormWithoutPositions | None = None) -> str:  # noqa: A002 (as above)
+    """The same for rows that have no position, which are no GeoJSON."""
+    return format or _accepted(request, get_args(FormWithoutPositions))
+
+
+def _accepted(request: Request, forms: Sequence[str]) -> str:
     wanted = [part.split(";")[0].strip() for part in request.headers.get("accept", "").split(",")]
-    return next((FORMATS[kind] for kind in wanted if kind in FORMATS), "json")
+    return next((FORMATS[kind] for kind in wanted if FORMATS.get(kind) in forms), "json")
 
 
 In = Annotated[Service, Depends(service_of)]
 As = Annotated[str, Depends(form_of)]
+AsWithoutPositions = Annotated[str, Depends(form_without_positions)]
 router = APIRouter(prefix="/api/v1", responses=REFUSALS, route_class=CheckedRoute)
 
 
@@ -165,6 +182,8 @@ class Chosen(BaseModel):
             if not re.fullmatch("[0-9]{1,9}", self.mmsi):
                 raise HTTPException(400, f"mmsi: got {self.mmsi!r}, needed nine digits")
             keep &= picture.array("mmsi")[rows] == int(self.mmsi)
+        if self.max_sog is not None and self.min_sog > self.max_sog:
+            raise HTTPException(400, f"min_sog: got {self.min_sog:g}, needed at most max_sog = {self.max_sog:g}")
         speed = np.nan_to_num(picture.array("sog_kn")[rows])
         keep &= (speed >= self.min_sog) & (speed <= (np.inf if self.max_sog is None else self.max_sog))
         return rows[keep]
@@ -377,14 +396,14 @@ def feeds(service: In) -> dict[str, list[dict[str, object]]]:
     return {"feeds": [dict(state) for state in service.feeds()]}
 
 
-@router.get("/runs", responses=ROWS)
-def runs(service: In, form: As) -> Response:
+@router.get("/runs", responses=WITHOUT_POSITIONS)
+def runs(service: In, form: AsWithoutPositions) -> Response:
     """The runs of the database, newest first."""
     return _answer(presentation.runs(service.store), form, "runs", {})
 
 
-@router.get("/audit", responses=ROWS)
-def audit(request: Request, service: In, form: As, limit: Limit = 1000, offset: Offset = 0) -> Response:
+@router.get("/audit", responses=WITHOUT_POSITIONS)
+def audit(request: Request, service: In, form: AsWithoutPositions, limit: Limit = 1000, offset: Offset = 0) -> Response:
     """Who changed what through this API, newest first. For admins. `Link` has the next page."""
     rows, total = service.changes(limit, offset)
     return _answer(rows, form, "changes", {"total": total}, _page(request, total, offset, limit))
@@ -406,13 +425,19 @@ def cycles(service: In) -> dict[str, object]:
     }
 
 
-@router.get("/coastline")
+class GeoJson(Response):
+    """An answer in GeoJSON."""
+
+    media_type = TYPES["geojson"]
+
+
+@router.get("/coastline", response_class=GeoJson)
 def coastline(service: In) -> Response:
     """The coastline that comes with the scenario, as GeoJSON."""
     path = scenarios_folder() / str(service.run_row()["scenario"]) / "coastline.geojson"
     if path.parent.parent != scenarios_folder() or not path.is_file():
         raise HTTPException(404, "the scenario has no coastline of its own")
-    return Response(path.read_bytes(), media_type="application/geo+json", headers={"Cache-Control": "max-age=3600"})
+    return GeoJson(path.read_bytes(), headers={"Cache-Control": "max-age=3600"})
 
 
 def _page(request: Request, total: int, offset: int, limit: int) -> dict[str, str]:

@@ -71,6 +71,7 @@ async def refused(request: Request, error: Exception) -> Response:
     if len(errors) > MOST_ERRORS:
         texts.append(f"and {len(errors) - MOST_ERRORS} more")
     of_its_type = all(one["type"] == "value_error" for one in errors)  # and wrong by its meaning
+    texts = list(dict.fromkeys(texts))  # a parameter that two parts of the endpoint read is wrong once
     return JSONResponse({"detail": "; ".join(texts)}, 400 if of_its_type else 422)
 
 
