@@ -83,6 +83,27 @@ def test_a_pattern_of_time_may_be_given(tmp_path: Path) -> None:
         AisTable(files=(file,)).read()
 
 
+@pytest.mark.parametrize("cells", ["2016-01-12,13:02:11", "12.01.2016,13:02:11.000", "2016-01-12,14:02:11+01:00"])
+def test_a_date_beside_a_time_of_day_is_joined_with_it(tmp_path: Path, cells: str) -> None:
+    file = table(tmp_path, f"{cells},235070762,50.7,-1.1,5,90", header=f"Date,{HEADER}")
+    reports, _, faults = AisTable(files=(file,)).read()
+    assert (reports.received_s.tolist(), faults) == ([T0], ())
+    alone = table(tmp_path, f"{cells},235070762,50.7,-1.1,5,90", header=f"Day,{HEADER}")
+    with pytest.raises(InputError, match=r"got '1.:02:11.*', which is no time: needed a date too, .*a column `date`"):
+        AisTable(files=(alone,)).read()
+
+
+def test_longitudes_that_count_to_360_are_west_beyond_180_and_one_wrong_cell_is_not(tmp_path: Path) -> None:
+    file = table(tmp_path, *(row(3.0 * k, lon=lon) for k, lon in enumerate(("179.5", "180.5", "358.9"))), row(9.0, lon="181"))
+    reports, _, faults = AisTable(files=(file,)).read()
+    assert reports.position_deg[:, 1].tolist() == pytest.approx([179.5, -179.5, -1.1])
+    assert kinds(faults) == {"position not available": 1}
+    wrong = table(tmp_path, row(lon="1.1"), row(3.0, lon="200"))
+    assert kinds(AisTable(files=(wrong,)).read()[2]) == {"longitude out of range": 1}
+    both = table(tmp_path, row(lon="-1.1"), row(3.0, lon="200"), row(6.0, lon="201"))
+    assert kinds(AisTable(files=(both,)).read()[2]) == {"longitude out of range": 2}
+
+
 @pytest.mark.parametrize(
     ("header", "stamps", "second"),
     [

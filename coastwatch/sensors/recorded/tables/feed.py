@@ -50,6 +50,7 @@ from coastwatch.sensors.recorded.tables.rows import (
     off_earth,
     sensor_numbers,
     stamps_of,
+    to_both_sides,
 )
 from coastwatch.sensors.recorded.tables.tracks import TrackColumns, track_reports
 from coastwatch.sensors.recorded.video.feed import FORMAT as VIDEO
@@ -222,7 +223,7 @@ class Tables(Method):
             latitude, longitude, name = (
                 table.find(getattr(self.plot_columns, key), PLOTS[key]) for key in ("site_latitude", "site_longitude", "radar")
             )
-            site = np.stack([table.numbers(latitude)[0], table.numbers(longitude)[0]], axis=-1)
+            site = np.stack([table.numbers(latitude)[0], to_both_sides(table.numbers(longitude)[0])], axis=-1)
             stated = np.flatnonzero(np.isfinite(site).all(axis=1))
             names, first = np.unique(np.array(table.texts(name), "U")[stated], return_index=True)
             for radar, row in zip(names.tolist(), stated[first], strict=True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -45,6 +45,9 @@ DANISH_TIME = "# timestamp"  # the column of the Danish Maritime Authority, whos
 FIRST_COMPACT, LAST_COMPACT = 19_000_101_000_000, 22_000_101_000_000
 """Numbers from the first to the last are 20260714033320: in milliseconds they would be after the year 2500."""
 KNOWN_TIMES = "Unix time, a date and time such as 2026-07-14 03:33:20 or 14.07.2026 03:33:20, or a pattern"
+DATE_COLUMNS = ("date", "date_utc")
+TIME_COLUMNS = ("time", "time_utc", "timestamp", "t")
+TIME_OF_DAY = r"^\d{1,2}:\d\d(:\d\d([.,]\d+)?)?( ?[AaPp][Mm])?( ?(Z|UTC|GMT|[+-]\d\d:?\d\d))?$"
 PATTERN = '--set input.time_format="%d/%m/%Y %H:%M:%S"'
 
 
@@ -128,6 +131,8 @@ class Table:
         if bad.any() and not seconds.is_not_null().any():
             first = int(bad.argmax())
             needed = f"{KNOWN_TIMES}: {PATTERN}" if pattern == "auto" else f"times as input.time_format says, {pattern!r}"
+            if re.fullmatch(TIME_OF_DAY, str(cells[first]).strip()):
+                needed = "a date too, in the same cell, or in a column `date` beside the column `time`"
             raise InputError(f"{self.location(first, column)}: got {cells[first]!r}, which is no time: needed {needed}")
         return seconds.fill_null(float("nan")).to_numpy(), bad
 
@@ -213,7 +218,22 @@ def read_table(path: Path, separator: str, tally: Tally) -> Table:
         raise InputError(f"{path}: got {str(error).splitlines()[0]}, needed a CSV or Parquet table") from error
     if not len(table):
         tally.add(NO_ROW, path.name, used=True)
-    return table
+    return _with_dates(table)
+
+
+def _with_dates(table: Table) -> Table:
+    """The table whose column of times of day, if it has one, has the dates of the column beside it too."""
+    plain = {plain_name(column): column for column in reversed(table.frame.columns)}
+    dates, times = (next((plain[name] for name in names if name in plain), None) for names in (DATE_COLUMNS, TIME_COLUMNS))
+    if dates is None or times is None:
+        return table
+    date, time = (table.frame[column].cast(pl.String).str.strip_chars() for column in (dates, times))
+    some = date.is_not_null() & (date != "") & time.is_not_null() & (time != "")
+    first = next(zip(date.filter(some).head(1), time.filter(some).head(1), strict=True), ("", ""))
+    if ":" in first[0] or not re.fullmatch(TIME_OF_DAY, first[1]):
+        return table
+    joined = pl.select(pl.when(some).then(pl.concat_str(date, time, separator=" "))).to_series().alias(times)
+    return replace(table, frame=table.frame.with_columns(joined).drop(dates))
 
 
 def _read_csv(path: Path, separator: str, tally: Tally) -> Table:

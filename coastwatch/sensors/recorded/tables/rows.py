@@ -11,7 +11,14 @@ import numpy as np
 from coastwatch.batches import Array, Bools, FileContent, Floats, Ints
 from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
 from coastwatch.errors import InputError
-from coastwatch.formats.intake.ais_validation import LATITUDE, LONGITUDE, NON_FINITE, AisIntake, of_table
+from coastwatch.formats.intake.ais_validation import (
+    LATITUDE,
+    LONGITUDE,
+    NON_FINITE,
+    NOT_AVAILABLE_LONGITUDE,
+    AisIntake,
+    of_table,
+)
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.reception_time import BACKWARDS, LATE, SORTED, backwards_note, reception_times
 from coastwatch.sensors.recorded.tables.reader import Table
@@ -27,6 +34,8 @@ TEXTS = ("radar", "sonar", "source", "track", "name", "call_sign", "ais_class", 
 """Keys of columns that hold texts."""
 MAY_BE_UNREADABLE = ("name", "call_sign", "ship_type", "length", "beam")
 """Keys whose unreadable cells do not make a row unusable."""
+LONGITUDES = ("longitude", "site_longitude")
+LEAST_BEYOND_SHARE = 0.02  # of the longitudes of a column that counts to 360: fewer are wrong cells
 POSITION_ENTRIES = ("covariance_east_east", "covariance_east_north", "covariance_north_north")
 """Columns of the covariance of a position, m2, as `coastwatch replay` writes them."""
 AXES = ("east", "north", "east_rate", "north_rate")
@@ -113,6 +122,18 @@ SETTING = {"ais": "ais_columns", "plots": "plot_columns", "bearings": "bearing_c
 TABLE_OF = {"ais": "decoded AIS", "plots": "radar plots", "bearings": "bearings", "tracks": "finished tracks"}
 
 
+def to_both_sides(longitude_deg: Floats) -> Floats:
+    """The longitudes of a column from -180 to 180 degrees, where the whole column plainly counts from 0 to 360. (N,) -> (N,)
+
+    181, which is "not available", stays as it is.
+    """
+    given = longitude_deg[np.isfinite(longitude_deg)]
+    beyond = np.count_nonzero((given > 180.0) & (given != NOT_AVAILABLE_LONGITUDE))
+    if beyond < max(LEAST_BEYOND_SHARE * len(given), 2) or given.min() < 0.0 or given.max() > 360.0:
+        return longitude_deg
+    return np.where((longitude_deg > 180.0) & (longitude_deg != NOT_AVAILABLE_LONGITUDE), longitude_deg - 360.0, longitude_deg)
+
+
 def find_columns(table: Table, part: str, named: Settings) -> dict[str, str | None]:
     """The column of each of our names, None where the table has none.
 
@@ -177,6 +198,8 @@ def good_cells(
         if key in TEXTS:
             continue
         numbers, bad = table.times(name, time_format) if key in ("time", "received") else table.numbers(name)
+        if key in LONGITUDES:
+            numbers = to_both_sides(numbers)
         if key in MAY_BE_UNREADABLE:
             bad = np.zeros(len(table), np.bool_)  # an unreadable length does not invalidate the position
         empty = table.empty(name).to_numpy() if name is not None and key in required else np.zeros(len(table), np.bool_)
