@@ -21,7 +21,7 @@ from coastwatch.stage import serial
 pytestmark = pytest.mark.whole
 
 SEED = 7
-SMALL = {"input.count": "160", "warmup_s": "0.0", "cycles": "60"}
+SMALL = {"input.count": "160", "warmup_s": "0.0", "cycles": "50"}
 RIGHT = {f"input.radars.{k}.{key}": "0.0" for k in (0, 1) for key in ("azimuth_bias_deg", "range_bias_m", "time_bias_s")}
 SIGMAS = 4.5
 
