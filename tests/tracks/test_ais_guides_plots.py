@@ -107,12 +107,12 @@ def test_a_radar_with_a_bias_of_three_sigmas_makes_few_second_tracks(seed):
     too_far = replace(plots, position_m=plots.position_m + 30.0 * off_m / np.hypot(*off_m.T)[:, None])
     messages = messages_of(truth, np.arange(20), cycles=2 * CYCLES)
     second = []
-    for registration in (GUIDED.messages.registration, 0.0):
+    for registration in (1.0, 0.0):
         method = TableTracker(method="guided_vimmjipda", messages={"method": "guiding", "registration": registration})
         _, out = run(method, too_far, messages, cycles=range(2 * CYCLES))
         second.append(sum(len(tracks) - len(np.unique(tracks.origin)) for tracks in out))
     assert second[1] > 80  # of some 370 shown in all cycles
-    assert second[0] < 0.75 * second[1]
+    assert second[0] < 0.35 * second[1]
 
 
 def test_a_vessel_that_no_radar_sees_is_not_reported():

@@ -425,19 +425,15 @@ def cycles(service: In) -> dict[str, object]:
     }
 
 
-class GeoJson(Response):
-    """An answer in GeoJSON."""
-
-    media_type = TYPES["geojson"]
-
-
-@router.get("/coastline", response_class=GeoJson)
+@router.get(
+    "/coastline", response_class=Response, responses={200: {"content": {TYPES["geojson"]: {"schema": {"type": "object"}}}}}
+)
 def coastline(service: In) -> Response:
     """The coastline that comes with the scenario, as GeoJSON."""
     path = scenarios_folder() / str(service.run_row()["scenario"]) / "coastline.geojson"
     if path.parent.parent != scenarios_folder() or not path.is_file():
         raise HTTPException(404, "the scenario has no coastline of its own")
-    return GeoJson(path.read_bytes(), headers={"Cache-Control": "max-age=3600"})
+    return Response(path.read_bytes(), media_type=TYPES["geojson"], headers={"Cache-Control": "max-age=3600"})
 
 
 def _page(request: Request, total: int, offset: int, limit: int) -> dict[str, str]:

@@ -57,11 +57,13 @@ class ParticleBank:
     def predict(self, filters: Filters, estimates: Estimates, rows: Ints, time_s: float) -> Estimates:
         return self._compiled.predict(filters, estimates, rows, time_s)
 
-    def predict_to_plots(self, table: Table, pairs: Candidates, batch: PlotColumns) -> Hypotheses:
+    def predict_to_plots(self, table: Table, pairs: Candidates, batch: PlotColumns, added: Floats | None = None) -> Hypotheses:
         hypotheses, noise = by_track(pairs, self.particles), float(self.models["noise"][0])
         slot, start, plot, position, covariance, likelihood = hypotheses
         rng = self._generator(PREDICT, batch)
         position[:], covariance[:] = batch.position[plot], batch.covariance[plot]
+        if added is not None:
+            covariance *= (1.0 + added[hypotheses.slot[hypotheses.track]])[:, None, None]
         for t, n in enumerate(slot.tolist()):
             mine = slice(start[t], start[t + 1])
             time_s = max(float(table.updated_s[n]), float(batch.time[plot[mine]].max()))

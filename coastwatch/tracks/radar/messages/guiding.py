@@ -26,7 +26,9 @@ class Guiding(Sequential):
 
     guides: ClassVar[bool] = True
     method: Literal["guiding"] = "guiding"  # type: ignore[assignment]
-    registration: NotNegative = 0.5  # share of a plot's covariance by which a radar may see a vessel beside its AIS: its bias
+    registration: NotNegative = 0.0
+    """Share of a plot's covariance by which a radar may see a vessel beside its AIS. 0: radars have no bias; 1: one whose bias is not known
+    yet makes fewer second tracks of vessels, and leaves an AIS that states a wrong position later."""
     doubt: Positive = 25.0  # normalised squared distance of the two filters at which a track leaves its messages
     elsewhere_s: Positive = 10.0  # a track also leaves them where another track has had newer ones of that MMSI for so long
     distrust_s: Positive = 120.0  # so long no track takes messages of an MMSI that a track has left
