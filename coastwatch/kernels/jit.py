@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ def cache_folder() -> Path:
 os.environ["NUMBA_CACHE_DIR"] = str(cache_folder())
 
 from numba import njit  # noqa: E402 - numba reads its settings when it is imported
+from numba.core import event  # noqa: E402
 
 
 def jit(function: Callable[..., Any]) -> Any:
@@ -36,3 +38,26 @@ def jit(function: Callable[..., Any]) -> Any:
     A division by zero gives infinity or NaN, as in numpy: numba's check of divisors prevents vectorisation.
     """
     return njit(cache=True, nogil=True, error_model="numpy")(function)
+
+
+class _Compilations(event.Listener):
+    """Calls a function before each compilation."""
+
+    def __init__(self, begun: Callable[[], None]) -> None:
+        self._begun = begun
+
+    def on_start(self, event: Any) -> None:
+        self._begun()
+
+    def on_end(self, event: Any) -> None:
+        pass
+
+
+@contextmanager
+def compilations(begun: Callable[[], None]) -> Iterator[None]:
+    """Inside the block, a function is called before each compilation in this process; not where a kernel is loaded from disk.
+
+    Args: begun: it may be called in any thread that calls a kernel.
+    """
+    with event.install_listener("numba:compile", _Compilations(begun)):
+        yield

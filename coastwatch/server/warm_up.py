@@ -39,7 +39,7 @@ def warm_up(
     """Run a few cycles on a few simulated vessels, and forget them.
 
     Args: workers: of the run; video: some comes from live feeds.
-    report: called with a text before each stage of the first cycle, which takes seconds where kernels are compiled.
+    report: called with a text, once for each stage, when kernels of that stage have to be compiled in this process.
     """
     places = _places(scenario, sensors)
     sea = Simulated(
@@ -59,20 +59,28 @@ def warm_up(
     if of_video is not None:  # land takes seconds, and no kernel
         of_video = of_video.model_copy(update={"land_deg": ()})
     spokes = Reports.empty() if of_video is None else of_video.load(replace(sensors, land_deg=()), 0, plan).reports
+    from coastwatch.kernels.jit import compilations  # it loads numba
+
     begun: list[str] = []
+    announced: set[str] = set()
 
     @contextmanager
-    def announced(stage: str) -> Iterator[None]:
+    def noted(stage: str) -> Iterator[None]:
         if stage not in begun:
             begun.append(stage)
-            report(f"preparing kernels, compiled once after an installation (a minute): {stage}, stage {len(begun)}")
         yield
 
-    for number in range(CYCLES):
-        now_s = plan.instant_s(number)
-        arrived = Reports.merged([reports.between(before_s, now_s), spokes.between(before_s, now_s)])
-        memory, _ = run_cycle(scenario, sensors, memory, arrived, now_s, workers.spots, announced, workers.regions)
-        before_s = now_s
+    def announce() -> None:
+        if begun and (stage := begun[-1]) not in announced:
+            announced.add(stage)
+            report(f"preparing kernels, compiled once after an installation (a minute): {stage}, stage {len(begun)}")
+
+    with compilations(announce):
+        for number in range(CYCLES):
+            now_s = plan.instant_s(number)
+            arrived = Reports.merged([reports.between(before_s, now_s), spokes.between(before_s, now_s)])
+            memory, _ = run_cycle(scenario, sensors, memory, arrived, now_s, workers.spots, noted, workers.regions)
+            before_s = now_s
 
 
 def _with_spots(scenario: Scenario, several: bool = False) -> Scenario:

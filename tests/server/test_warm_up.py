@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from multiprocessing import active_children
+from typing import Any
 
 import numpy as np
 import pytest
+from numba import njit
 
 from coastwatch.batches import RadarReports
+from coastwatch.cycle import run_cycle
 from coastwatch.kernels.association import polar_pairs
 from coastwatch.kernels.filters import ais_tracker
 from coastwatch.kernels.geometry import radar_plane
@@ -28,13 +35,45 @@ SCENARIOS = {
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_it_runs_on_the_sensors_of_a_scenario_and_names_each_stage(name: str) -> None:
+def test_each_stage_whose_kernels_are_compiled_is_named_once_and_no_other(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = load_scenario(name, SCENARIOS[name])
+    compiled: list[str] = []
+
+    def compiling(*given: Any, **named: Any) -> Any:
+        """A cycle in which most stages compile a kernel."""
+        *before, timer, regions = given
+
+        @contextmanager
+        def of_stage(stage: str) -> Iterator[None]:
+            with timer(stage):
+                if stage not in ("spots", "octants"):
+                    compiled.append(stage)
+                    njit(lambda number: number + 1)(1)
+                yield
+
+        return run_cycle(*before, of_stage, regions, **named)
+
+    warm_up(scenario, scenario.sensors(), lambda text: None)  # all of its own kernels are loaded by now
     said: list[str] = []
+    monkeypatch.setattr("coastwatch.server.warm_up.run_cycle", compiling)
     warm_up(scenario, scenario.sensors(), said.append)
-    for stage in ("tracks", "ais_tracks", "associations", "picture", "registration"):
+    assert {"tracks", "ais_tracks", "associations", "picture", "registration"} <= set(compiled)
+    assert len(said) == len(set(compiled))
+    for stage in compiled:
         assert sum(f": {stage}, stage" in text for text in said) == 1, said
     assert all("compiled once" in text for text in said)
+
+
+def test_nothing_is_said_where_every_kernel_comes_from_disk() -> None:
+    code = """
+from coastwatch.scenario import load_scenario
+from coastwatch.server.warm_up import warm_up
+scenario = load_scenario("context-driven-100")
+warm_up(scenario, scenario.sensors(), print)
+"""
+    for _ in range(2):  # at first kernels may be compiled
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == ""
 
 
 def test_the_kernels_that_take_longest_are_loaded() -> None:
