@@ -182,5 +182,6 @@ def gated_by_plots(parts: Parts, table: Table, batch: PlotColumns) -> tuple[Cand
     if not guided.any():
         return gated(parts, table, batch), added
     wider = batch._replace(covariance=(1.0 + parts.registration) * batch.covariance)
-    both = gated(parts, table, batch, slots=table.live[~guided]), gated(parts, table, wider, slots=table.live[guided])
-    return Candidates(*(np.concatenate(columns) for columns in zip(*both, strict=True))), added
+    near = gated(parts, table, batch, slots=table.live[~guided])
+    near_guided = gated(parts, table, wider, slots=table.live[guided])
+    return Candidates(*(np.concatenate(columns) for columns in zip(near, near_guided, strict=True))), added
