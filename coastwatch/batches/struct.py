@@ -131,6 +131,8 @@ class Batch(Struct):
             if len(at) != len(self):
                 raise IndexError(f"{type(self).__name__}: got a mask of {len(at)} rows, needed {len(self)}")
             at = np.flatnonzero(at)
+        elif not len(at):  # of an empty list
+            at = at.astype(np.int64)
         return type(self)(**{name: values.take(at, axis=0) for name, values in columns.items()})
 
     def without_values(self, *kept: str) -> Self:
