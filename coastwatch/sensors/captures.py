@@ -88,10 +88,10 @@ def datagrams(stream: Bytes, name: str, port: int | None, tally: Tally) -> Itera
             datagram = dpkt.udp.UDP(whole)
         if not isinstance(datagram, dpkt.udp.UDP) or (port is not None and datagram.dport != port):
             tally.add(OTHER, where)
-        elif len(datagram.data) < datagram.ulen - 8:
+        elif 0 < datagram.ulen < UDP_HEAD or len(datagram.data) < datagram.ulen - UDP_HEAD:
             tally.add(SHORT, where)
         else:
-            payload = bytes(datagram.data)[: datagram.ulen - 8] if datagram.ulen else bytes(datagram.data)
+            payload = bytes(datagram.data)[: datagram.ulen - UDP_HEAD] if datagram.ulen else bytes(datagram.data)
             yield float(when_s), payload, zlib.crc32(network.src + datagram.sport.to_bytes(2, "big"))
     fragments.close(name)
 

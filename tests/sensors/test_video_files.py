@@ -63,6 +63,18 @@ def test_lost_and_cut_fragments_are_counted_and_the_rest_is_read(tmp_path):
     assert captures.SHORT in {fault.kind for fault in cut.faults()}
 
 
+def test_a_datagram_shorter_than_its_head_is_counted_as_cut(tmp_path):
+    udp = dpkt.udp.UDP(sport=8600, dport=8600, ulen=4, data=b"0123456789")
+    packet = dpkt.ip.IP(src=bytes(4), dst=bytes(4), p=dpkt.ip.IP_PROTO_UDP, data=udp)
+    packet.len = len(packet)
+    with (path := tmp_path / "x.pcap").open("wb") as file:
+        dpkt.pcap.Writer(file, linktype=dpkt.pcap.DLT_RAW).writepkt(bytes(packet), ts=1.0)
+    tally = captures.Tally()
+    with path.open("rb") as file:
+        assert list(captures.datagrams(captures.Bytes(file), "x.pcap", None, tally)) == []
+    assert [fault.kind for fault in tally.faults()] == [captures.SHORT]
+
+
 def packed(path: Path, fragments: list[tuple[float, int, int, bytes, bool]]) -> Path:
     """A capture made octet by octet, as RFC 791 has it. Args: fragments: time, number, place in octets, bytes, and whether more come."""
     out = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65_535, 101)  # raw IP
