@@ -196,7 +196,7 @@ def picture(database: Store, run_id: int, at_s: float | None, bbox: Box | None) 
 
 def traffic(database: Store, run_id: int, bbox: Box, span_s: tuple[float, float]) -> Rows:
     """The vessels in a box between two instants. Raises: InputError, StoreError."""
-    _check_span(*span_s)
+    check_span(*span_s)
     return in_operator_units(store.traffic(database, run_id, bbox, *span_s))
 
 
@@ -207,11 +207,11 @@ def encounters(
     for name, value in (("within_m", within_m), ("min_sog_kn", min_sog_kn), ("count", count)):
         if not 0.0 <= value < float("inf"):
             raise InputError(f"{name}: got {value:g}, needed 0 or more")
-    _check_span(*span_s)
+    check_span(*span_s)
     return in_operator_units(store.encounters(database, run_id, bbox, *span_s, within_m, min_sog_kn, count))
 
 
-def _check_span(from_s: float | None, to_s: float | None) -> None:
+def check_span(from_s: float | None, to_s: float | None) -> None:
     """Raises: InputError where a span of time ends before it begins."""
     if from_s is not None and to_s is not None and from_s > to_s:
         raise InputError(f"--from: got {utc_text(from_s)}, needed an instant before --to, {utc_text(to_s)}")

@@ -99,6 +99,7 @@ def test_traffic_and_encounters(ran: tuple[str, list[Picture]], capsys: pytest.C
     [
         (["traffic", "--bbox", BOX, "--from", "2025-06-01T13:00:00Z", "--to", "2025-06-01T12:00:00Z"], 2, "needed an instant before --to"),
         (["traffic", "--bbox", BOX, "--from", "2020-01-01", "--to", "2020-01-02"], 1, "holds nothing up to then"),
+        (["query", "alarms", "--from", "2025-06-02", "--to", "2025-06-01"], 2, "needed an instant before --to"),
         (["encounters", *SPAN, "--within", "-1"], 2, "within_m: got -1, needed 0 or more"),
         (["replay", "--from", "2030-01-01"], 1, "has no recorded cycle in that time span"),
         (["replay", "--from", "2030-01-01", "--to", "2020-01-01"], 2, "--from"),

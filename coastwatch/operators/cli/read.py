@@ -174,6 +174,7 @@ def query(options: argparse.Namespace) -> int:
     if options.name is None:
         _write(presentation.questions(), options)
         return 0
+    presentation.check_span(options.from_s, options.to_s)
     parameters = dict(options.settings)
     if options.run is not None and parameters.setdefault("run", str(options.run)) != str(options.run):
         raise InputError(f"query: got --run {options.run} and --set run={parameters['run']}, needed one of them")
