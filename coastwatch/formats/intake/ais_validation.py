@@ -264,7 +264,7 @@ def _within(value: Floats, below: float) -> Bools:
 def _fix_s(rows: AisRows, intake: AisIntake) -> tuple[Floats, Floats]:
     """The time of each fix: by the second in the message if it agrees with the clock, else as recorded, else as received. (M,)
 
-    Returns also by how much that second contradicts the time, in whole minutes at best; NaN: it does not. (M,)
+    Returns also by how much that second contradicts the time, s, from 0 to 30, as a second does not say the minute; NaN: it does not. (M,)
     """
     recorded = ~np.isnan(rows.fix_s)
     stated, unknown = np.where(recorded, rows.fix_s, rows.stamp_s), np.full(len(rows), np.nan)
