@@ -66,10 +66,10 @@ export class VideoPicture {
     if (head.kind === HEARTBEAT) return -1;
     if (head.kind !== SECTOR) throw new RefusedFrame(`video: got kind ${head.kind}, needed 1 or 5`);
     this.seq = head.seq;
-    const inflated = inflate(new Uint8Array(message, HEADER_BYTES)); // several at a time, written in order
+    // Several at a time, written in order. A damaged one has no octets: the next turn has it again.
+    const inflated = inflate(new Uint8Array(message, HEADER_BYTES)).catch(() => new Uint8Array(0));
     const cleared = this.#cleared;
-    const put = async () => this.#put(head, await inflated, cleared);
-    this.done = this.done.then(put).catch(() => {}); // a damaged one: the next turn has it again
+    this.done = this.done.then(async () => this.#put(head, await inflated, cleared));
     return AZIMUTHS;
   }
 

@@ -23,6 +23,12 @@ function message({ kind = 1, radar = 0, run = 7, seq = 1, begun = 0, place = 0, 
   return made.buffer;
 }
 
+function waiting() {
+  const made = {};
+  made.promise = new Promise((resolve) => { made.resolve = resolve; });
+  return made;
+}
+
 const greeting = JSON.stringify({ run: 7, radars: ['north', 'south'] });
 const filled = (value) => new Uint8Array(64 * 256).fill(value);
 
@@ -72,8 +78,12 @@ test('another format, run or size is refused, and a damaged sector changes nothi
   for (const wrong of [new ArrayBuffer(8), message({ run: 6 }), message({ kind: 2 }), message({ place: 16 })]) {
     assert.throws(() => picture.apply(wrong), RefusedFrame);
   }
+  const { promise, resolve } = waiting();
+  picture.done = promise; // a damaged sector that fails while one before it is not written yet
   picture.apply(message({ octets: new Uint8Array(10) }));
   picture.apply(message().slice(0, 70));
+  await new Promise((done) => setTimeout(done, 50));
+  resolve();
   await picture.done;
   assert.equal(picture.radars.size, 0);
 });
