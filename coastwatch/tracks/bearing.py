@@ -298,8 +298,10 @@ class BearingWindow(Method):
         Raises: ValueError for a contact number of 2^40 or more, or a sensor that the scenario has not.
         """
         reports, time_s, sensors, expected = given
-        if len(reports) and not 0 <= reports.sensor.min() <= reports.sensor.max() < len(sensors.sonars):
-            raise ValueError(f"BearingReports.sensor: got {reports.sensor.max()}, needed 0 to {len(sensors.sonars) - 1}")
+        unknown = (reports.sensor < 0) | (reports.sensor >= len(sensors.sonars))
+        if unknown.any():
+            wrong = reports.sensor[unknown][0]
+            raise ValueError(f"BearingReports.sensor: got {wrong}, needed 0 to {len(sensors.sonars) - 1}")
         if len(reports) and reports.contact.max() >= CONTACTS:
             raise ValueError(f"BearingReports.contact: got {reports.contact.max()}, needed less than 2^40")
         if not len(sensors.sonars):

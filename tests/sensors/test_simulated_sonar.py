@@ -41,7 +41,7 @@ def test_noise_range_and_common_instants():
     assert ((reports.bearing_deg >= 0.0) & (reports.bearing_deg < 360.0)).all()
 
 
-@pytest.mark.parametrize(("first", "last"), [(90.0, 270.0), (300.0, 30.0), (0.0, 360.0)])
+@pytest.mark.parametrize(("first", "last"), [(90.0, 270.0), (300.0, 30.0), (0.0, 360.0), (45.0, 45.0)])
 def test_arc(first, last):
     where = sensors(arc_from_deg=first, arc_to_deg=last)
     reports, _ = heard(where=where, sonar={"noise_factor": 0.0})

@@ -240,6 +240,8 @@ def test_nothing_at_all() -> None:
 def test_wrong_input_is_named() -> None:
     with pytest.raises(ValueError, match=r"BearingReports\.sensor: got 2, needed 0 to 1"):
         play(BearingWindow(), [say(2, 1.0, 10.0, 3)], two_sensors())
+    with pytest.raises(ValueError, match=r"BearingReports\.sensor: got -1, needed 0 to 1"):
+        play(BearingWindow(), [say(-1, 1.0, 10.0, 3)], two_sensors())
     with pytest.raises(ValueError, match=r"BearingReports\.contact"):
         play(BearingWindow(), [say(0, 1.0, 10.0, 2**40)], two_sensors())
     with pytest.raises(ValidationError, match="length"):

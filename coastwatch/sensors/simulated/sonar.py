@@ -81,8 +81,7 @@ def listen(
         row, time = np.tile(np.arange(len(vessel)), len(times)), np.repeat(times, len(vessel))
         at = to_plane(position_at(row, time), sonars.site_deg[r])
         bearing = np.degrees(np.arctan2(at[:, 0], at[:, 1]))
-        arc = float(sonars.arc_to_deg[r] - sonars.arc_from_deg[r])
-        in_arc = (bearing - sonars.arc_from_deg[r]) % 360.0 <= (arc % 360.0 if abs(arc) < 360.0 else 360.0)
+        in_arc = (bearing - sonars.arc_from_deg[r]) % 360.0 <= np.degrees(sonars.arc_width_rad[r])
         seen = in_arc & (np.hypot(at[:, 0], at[:, 1]) <= sonars.range_m[r]) & (time <= stop_s)
         draws = noise.standard_normal(len(row)) * truth.noise_factor
         seen &= detection.random(len(row)) >= truth.miss_probability
