@@ -11,6 +11,8 @@ TEST = $(BIN)/python -m pytest tests -n $(shell $(PYTHON) -c "import os; print(m
 export UV_PROJECT_ENVIRONMENT = .venv
 # Of one file; a busy machine needs more than the minute that is the default.
 export UV_COMPILE_BYTECODE_TIMEOUT = 900
+# Some machines forbid bytecode. Without it each process of the tests compiles a thousand modules again.
+export PYTHONDONTWRITEBYTECODE =
 
 # Node of the package index comes first where it was installed.
 WITH_NODE = PATH="$(CURDIR)/$(BIN):$$PATH"
