@@ -87,7 +87,7 @@ def test_a_database_that_is_away_for_a_while_gets_every_cycle(database: Database
         for number in range(1, 8):
             began_s = time.monotonic()
             writer.put(record(number, memory, flagged=A))
-            assert time.monotonic() - began_s < 1.0
+            assert time.monotonic() - began_s < 5.0
         wait_for(lambda: writer.state.failures > 1)
         assert (writer.state.error, writer.state.waiting) == ("database is locked", 7)
         wait_for(lambda: announced == list(range(8)))  # other centres do not wait for the database
