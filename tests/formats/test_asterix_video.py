@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 import zlib
 
 import numpy as np
@@ -88,15 +89,32 @@ def test_expansion_fields_are_skipped_a_summary_is_text_and_other_categories_are
     assert found[1] == VideoText(25, 1, "NOVA")
 
 
-def test_a_bomb_gives_no_more_than_it_announces():
-    sent = message(100)
-    bomb = zlib.compress(bytes(10_000_000), 9)
-    whole = encode(sent._replace(level=np.frombuffer(bomb, np.uint8)))
-    at = whole.index(bytes([0, 4]) + len(bomb).to_bytes(2, "big"))
-    announced = whole[:at] + bytes([0x80, 4]) + len(bomb).to_bytes(2, "big") + (100).to_bytes(3, "big") + whole[at + 7 :]
-    found, faults = decode(announced)
+def compressed(raw, cells):
+    """A message whose compressed octets are those of raw, and which announces so many cells of 8 bits."""
+    octets = zlib.compress(raw, 9)
+    whole = encode(message(100)._replace(level=np.frombuffer(octets, np.uint8)))
+    at = whole.index(bytes([0, 4]) + len(octets).to_bytes(2, "big"))
+    return whole[:at] + bytes([0x80, 4]) + len(octets).to_bytes(2, "big") + cells.to_bytes(3, "big") + whole[at + 7 :]
+
+
+@pytest.mark.parametrize(("size", "cells", "most"), [(10_000_000, 100, 256), (257, 256, 256), (1, 0, 0)])
+def test_a_bomb_is_refused_where_it_passes_what_it_announces(size, cells, most):
+    bomb = compressed(bytes(size), cells)
+    tracemalloc.start()
+    found, faults = decode(bomb)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert not found
+    assert faults == [f"cells: more than announced; got over {most} octets, needed {cells}"]
+    assert peak < 100_000 + 4 * len(bomb)
+
+
+@pytest.mark.parametrize("block", [4, 64, 256])
+def test_cells_padded_to_a_block_before_they_were_compressed_are_taken(block):
+    level = message(101).level
+    found, faults = decode(compressed(level.tobytes().ljust(-(-101 // block) * block, b"\0"), 101))
     assert faults == []
-    assert len(found[0].level) == 100
+    assert np.array_equal(found[0].level, level)
 
 
 def test_octets_after_the_last_cell_are_padding():

@@ -24,6 +24,7 @@ MESSAGE, SUMMARY, VIDEO = 2, 1, 2  # FRN of the type; what types there are
 SOURCE, NUMBER, TEXT, NANO, FEMTO, RESOLUTION, COUNTERS, TIME = 1, 3, 4, 5, 6, 7, 8, 12  # FRNs of the items
 BLOCKS = {9: 4, 10: 64, 11: 256}
 """Octets of a block by FRN: low, medium and high data volume."""
+LARGEST_BLOCK = max(BLOCKS.values())
 FIXED = {SOURCE: 2, MESSAGE: 1, NUMBER: 4, NANO: 12, FEMTO: 12, RESOLUTION: 2, COUNTERS: 5, TIME: 3}
 """Octets of items of a fixed length."""
 REPEATED = BLOCKS | {TEXT: 1}
@@ -86,7 +87,7 @@ def encode(message: VideoMessage) -> bytes:
     """The data block of a message. Levels are written as they are, those of 16 and 32 bits scaled up. Raises: VideoFault."""
     raw = _packed(message.level, message.bits)
     raw = zlib.compress(raw, 1) if message.compressed else raw
-    frn, size = next((f, s) for f, s in BLOCKS.items() if len(raw) <= 255 * s or s == max(BLOCKS.values()))
+    frn, size = next((f, s) for f, s in BLOCKS.items() if len(raw) <= 255 * s or s == LARGEST_BLOCK)
     blocks = -(-len(raw) // size)
     if blocks > 255:
         raise VideoFault(f"level: got {len(raw)} octets, needed at most {255 * size}")
@@ -173,10 +174,7 @@ def _video(sac: int, sic: int, items: dict[int, bytes]) -> VideoMessage:
         raise VideoFault(f"cells: more than 65,536, or of an unknown size; got {cells} of code {code}")
     raw, need = items[block][1 : 1 + octets], -(-cells * BITS[code] // 8)  # what is longer is padded
     if packed:
-        try:
-            raw = zlib.decompressobj().decompress(raw, max(need, 1))  # never more than it announces
-        except zlib.error as error:
-            raise VideoFault("cells: not in zlib") from error
+        raw = _inflated(raw, need)
     if len(raw) < need:
         raise VideoFault(f"cells: fewer than announced; got {len(raw)} octets, needed {need}")
     time_s = int.from_bytes(items[TIME], "big") / DAY_STEPS if TIME in items else NAN
@@ -184,6 +182,21 @@ def _video(sac: int, sic: int, items: dict[int, bytes]) -> VideoMessage:
     duration_fs = duration * (NS_FS if header == NANO else 1)
     level = _levels(raw[:need], BITS[code], cells)
     return VideoMessage(sac, sic, number, start, end, first_cell, duration_fs, level, time_s, BITS[code], packed)
+
+
+def _inflated(raw: bytes, need: int) -> bytes:
+    """The octets of compressed cells. A sender may have padded its last block before it compressed; a bomb has more.
+
+    Args: need: octets that are announced. Raises: VideoFault.
+    """
+    most = -(-need // LARGEST_BLOCK) * LARGEST_BLOCK
+    try:
+        inflated = zlib.decompressobj().decompress(raw, most + 1)
+    except zlib.error as error:
+        raise VideoFault("cells: not in zlib") from error
+    if len(inflated) > most:
+        raise VideoFault(f"cells: more than announced; got over {most} octets, needed {need}")
+    return inflated
 
 
 def _levels(raw: bytes, bits: int, cells: int) -> Array:
