@@ -28,6 +28,7 @@ class VideoState:
     parts: int = 1  # messages of a complete spoke
     compressed: bool = False  # whether the cells are compressed by zlib
     has_time_of_day: bool = True  # whether the newest message has a time of day
+    untimed_s: float = math.nan  # Unix time of its first message in use without a time of day; NaN: all had one
     clock_stuck: bool = False  # whether its time of day does not advance; the time of arrival is in use then
     heard_s: float = -math.inf  # Unix time of the newest message in use; before one, of the first message
     text: str = ""  # of its newest summary

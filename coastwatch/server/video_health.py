@@ -20,6 +20,8 @@ STOPPED_TURNS, STOPPED_S = 3.0, 10.0  # without a message, the larger one: the v
 LOST_SHARE, LEAST_LOST = 0.01, 20  # of the spokes of a minute, and so many, are a trouble
 SECOND_SHOWN_S = 60.0  # for how long after it a second sender is shown
 
+UNTIMED_SHOWN_S = 600.0  # for how long it is said, once, that a radar sends no time of day, which it may
+
 
 class VideoHealth:
     """Of the radars of one feed."""
@@ -88,6 +90,8 @@ def _troubles(s: VideoState, silent_s: float, counts: tuple[int, int], now_s: fl
         sentences.append(f"{lost} of {spokes + lost} spokes of the last minute were lost, or a part of them")
     if s.clock_stuck:
         sentences.append("its time of day does not go on: the time of arrival is taken")
+    if not s.has_time_of_day and now_s - s.untimed_s < UNTIMED_SHOWN_S:
+        sentences.append("it sends no time of day: the time of arrival is taken")
     if s.senders is not None and now_s - s.second_s < SECOND_SHOWN_S:
         used, other = s.senders
         sentences.append(f"two senders have its SAC {s.sac}, SIC {s.sic}: {used}, which is used, and {other}, which is not")

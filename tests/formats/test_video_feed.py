@@ -151,7 +151,9 @@ def test_without_time_of_day_arrivals_are_straightened():
     (spokes,) = video(made, items)
     off_s = spokes.time_s - beam_s(spokes)
     assert np.abs(off_s[SPOKES:] - 0.01).max() < 0.005
-    assert not made.counts.radars["north"].has_time_of_day
+    state = made.counts.radars["north"]
+    assert not state.has_time_of_day
+    assert state.untimed_s == items[0][0]
 
 
 def test_a_clock_that_stands_is_noticed_and_arrivals_taken():

@@ -66,6 +66,14 @@ def test_two_senders_and_a_clock_that_stands_are_said():
     assert troubles(state(clock_stuck=True)) == ["its time of day does not go on: the time of arrival is taken"]
 
 
+def test_video_without_time_of_day_is_said_once_for_some_minutes():
+    untimed = state(has_time_of_day=False, untimed_s=NOW_S - 5.0)
+    assert troubles(untimed) == ["it sends no time of day: the time of arrival is taken"]
+    assert troubles(replace(untimed, has_time_of_day=True)) == []  # it came back
+    assert troubles(replace(untimed, untimed_s=NOW_S - 601.0)) == []
+    assert not VideoHealth({"north": untimed}).states(NOW_S)[0]["time_of_day"]
+
+
 def test_troubles_of_radars_are_among_those_of_the_server():
     radars = VideoHealth({"north": state(clock_stuck=True)}).states(NOW_S)
     feed = {**Link().as_feed("a feed", radars=radars), "silent_s": 0.0}

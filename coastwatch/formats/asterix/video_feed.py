@@ -176,6 +176,8 @@ class VideoDecoder:
             return
         self._senders[key] = _Sender(sender, heard_s)
         state.heard_s, state.has_time_of_day = heard_s, message.time_of_day_s == message.time_of_day_s
+        if not state.has_time_of_day and math.isnan(state.untimed_s):
+            state.untimed_s = heard_s
         if not joiner.add(message, time_s, arrived_s):
             self.tally.add(OUT_OF_ORDER, self._where, f"number {message.number}")
 
