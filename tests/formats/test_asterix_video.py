@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 import tracemalloc
 import zlib
 
@@ -10,8 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from video_world import START_S, sensors
 
 from coastwatch.formats.asterix.video import VideoMessage, VideoText, decode, encode
+from coastwatch.formats.asterix.video_feed import ABSURD_RANGE, VIDEO
+from coastwatch.formats.decoding import FeedSettings
+from coastwatch.formats.decoding import decode as decode_feed
 
 pytestmark = pytest.mark.contract
 
@@ -127,6 +132,80 @@ def test_octets_after_the_last_cell_are_padding():
     found, faults = decode(whole[: at + 2] + (101).to_bytes(3, "big") + whole[at + 5 :])
     assert not found
     assert faults == ["cells: fewer than announced; got 100 octets, needed 101"]
+
+
+def altered(without=(), **octets):
+    """A message of 100 cells without some of its items, with other octets in some. Args: octets: by the name of the item."""
+    sent = message(100)
+    names = {"source": 1, "number": 3, "header": 6, "resolution": 7, "counters": 8, "block": 9}
+    items = {
+        1: bytes([25, 1]), 2: bytes([2]), 3: bytes(4), 6: struct.pack(">HHII", 0, 16, 0, 50_000_000), 7: bytes([0, 4]),
+        8: bytes([0, 100, 0, 0, 100]), 9: bytes([25]) + sent.level.tobytes(),
+    }  # fmt: skip
+    items |= {names[name]: value for name, value in octets.items()}
+    items = {frn: value for frn, value in items.items() if frn not in {names[name] for name in without}}
+    fspec = [sum(0x80 >> k for k in range(7) if first + k in items) for first in (1, 8)]
+    body = bytes([fspec[0] | 1, fspec[1]]) + b"".join(items[frn] for frn in sorted(items))
+    return bytes([240]) + (3 + len(body)).to_bytes(2, "big") + body
+
+
+CELLS = "cells: more than 65,536, or of an unknown size; got "
+
+
+def no_item(name):
+    needed = "020; 040 or 041; 048; 049; 050, 051 or 052"
+    return f"record: of video without an item that it needs; got no {name}, needed {needed}"
+
+
+@pytest.mark.parametrize(
+    ("block", "fault"),
+    [
+        (altered(["source"]), "record: without source or type; got items of FRN [2, 3, 6, 7, 8, 9], needed 1 and 2"),
+        (altered(["number"]), no_item("020")),
+        (altered(["header"]), no_item("040 or 041")),
+        (altered(["resolution"]), no_item("048")),
+        (altered(["counters"]), no_item("049")),
+        (altered(["block", "counters"]), no_item("049 and 050, 051 or 052")),
+        (altered(resolution=bytes([0, 0])), CELLS + "100 of code 0"),
+        (altered(resolution=bytes([0, 7])), CELLS + "100 of code 7"),
+        (altered(resolution=bytes([0x80, 255])), CELLS + "100 of code 255"),
+        (altered(counters=bytes([0, 100, 1, 0, 1])), CELLS + "65537 of code 4"),
+        (altered(counters=bytes([0, 100, 255, 255, 255])), CELLS + "16777215 of code 4"),
+        (altered(counters=bytes([0, 99, 0, 0, 100])), "cells: fewer than announced; got 99 octets, needed 100"),
+        (altered(resolution=bytes([0, 6])), "cells: fewer than announced; got 100 octets, needed 400"),
+        (altered(resolution=bytes([0x80, 4])), "cells: not in zlib"),
+    ],
+)
+def test_what_is_refused_is_one_fault_with_its_kind_and_what_was_got(block, fault):
+    found, faults = decode(block + encode(message(10)))
+    assert faults == [fault]
+    same(found[0], message(10))  # the block after it is read
+
+
+def test_a_message_that_is_written_item_by_item_is_read():
+    (found,), faults = decode(altered())
+    assert faults == []
+    assert np.array_equal(found.level, message(100).level)
+
+
+@pytest.mark.parametrize(
+    ("first", "duration", "got"),
+    [
+        (2**32 - 1, 50_000_000, "got 4294967395 of 7.49 m"),
+        (131_000, 50_000_000, "got 131100 of 7.49 m"),
+        (0, 0, "got 100 of 0 m"),
+        (0, 300_000, "got 100 of 0.045 m"),
+        (0, 2**32 - 1, None),
+        (1_000, 2**32 - 1, "got 1100 of 644 m"),
+    ],
+)
+def test_absurd_range_or_duration_is_counted_with_what_was_got_and_needed(first, duration, got):
+    made = VIDEO.decoder(FeedSettings("feed", "video+udp://x", {"25/1": "north"}), sensors())
+    decode_feed(made, "feed", [(START_S, altered(header=struct.pack(">HHII", 0, 16, first, duration)), 0)], None)
+    faults = {fault.kind: (fault.count, fault.example) for fault in made.tally.faults()}
+    needed = ", needed 0.05 m or more, at most 131072, 500 km"
+    assert faults == ({} if got is None else {ABSURD_RANGE: (1, got + needed)})
+    assert len(made.reports_between(-math.inf, math.inf).video) == (got is None)
 
 
 @given(st.integers(0, 2**32), st.binary(max_size=60))

@@ -28,6 +28,14 @@ LARGEST_BLOCK = max(BLOCKS.values())
 FIXED = {SOURCE: 2, MESSAGE: 1, NUMBER: 4, NANO: 12, FEMTO: 12, RESOLUTION: 2, COUNTERS: 5, TIME: 3}
 """Octets of items of a fixed length."""
 REPEATED = BLOCKS | {TEXT: 1}
+NEEDED: dict[str, set[int]] = {
+    "020": {NUMBER},
+    "040 or 041": {NANO, FEMTO},
+    "048": {RESOLUTION},
+    "049": {COUNTERS},
+    "050, 051 or 052": set(BLOCKS),
+}
+"""Items of video by name, of which it has one in each row. Source: table of I240/000."""
 SELF_SIZED = (13, 14)  # reserved expansion and special purpose: the first octet is the length
 NS_FS, DAY_STEPS = 1_000_000, 128
 NAN = float("nan")
@@ -116,7 +124,7 @@ def _records(block: bytes) -> list[VideoMessage | VideoText]:
     while at < len(block):
         items, at = _items(block, at)
         if not {SOURCE, MESSAGE} <= items.keys():
-            raise VideoFault("record: without source or type")
+            raise VideoFault(f"record: without source or type; got items of FRN {sorted(items)}, needed {SOURCE} and {MESSAGE}")
         sac, sic = items[SOURCE]
         if items[MESSAGE][0] == SUMMARY:
             out.append(VideoText(sac, sic, items.get(TEXT, b"\0")[1:].decode("ascii", "replace")))
@@ -166,7 +174,8 @@ def _video(sac: int, sic: int, items: dict[int, bytes]) -> VideoMessage:
     """The message that items say. Raises: VideoFault."""
     header, block = next((f for f in (NANO, FEMTO) if f in items), 0), next((f for f in BLOCKS if f in items), 0)
     if not (header and block and {NUMBER, RESOLUTION, COUNTERS} <= items.keys()):
-        raise VideoFault("record: of video without an item that it needs")
+        absent = " and ".join(name for name, frns in NEEDED.items() if not items.keys() & frns)
+        raise VideoFault(f"record: of video without an item that it needs; got no {absent}, needed {'; '.join(NEEDED)}")
     start, end, first_cell, duration = struct.unpack(">HHII", items[header])
     octets, cells = int.from_bytes(items[COUNTERS][:2], "big"), int.from_bytes(items[COUNTERS][2:], "big")
     packed, code = bool(items[RESOLUTION][0] & 0x80), items[RESOLUTION][1]
