@@ -95,3 +95,30 @@ def test_each_region_is_given_the_video_of_its_own_radars():
     assert [[part.sensor for part in one.video.parts] for one in given] == [[0], [0]]
     assert given[1].video.parts[0].level is not given[0].video.parts[0].level
     assert isinstance(given[0].video, Videos)
+
+
+def test_tracks_go_on_where_a_radar_changes_its_range_in_mid_turn():
+    near = load_scenario("heymann-table-1", QUICK)
+    far = load_scenario("heymann-table-1", QUICK | {"input.cells": "320", "radars.0.range_nm": "3.75"})
+    sensors, plan = near.sensors(), near.plan()
+    changed_s = plan.start_s + 9.6 * plan.period_s  # between the tugs: each has been seen in this turn, or comes
+    streams = [one.input.load(one.sensors(), 2001, plan) for one in (near, far)]
+    memory, ids, parts = start_run(near, sensors), [], []
+    for number in range(plan.cycles):
+        after_s, now_s = plan.start_s if number == 0 else plan.instant_s(number - 1), plan.instant_s(number)
+        first, second = (
+            stream.reports.between(max(after_s, begin_s), min(now_s, end_s))
+            for stream, begin_s, end_s in zip(streams, (-np.inf, changed_s), (changed_s, np.inf), strict=True)
+        )
+        reports = replace(first, video=Videos.merged([first.video, second.video]))
+        parts.append(len(reports.video.parts))
+        memory, cycle = run_cycle(near, sensors, memory, reports, now_s, serial, Stopwatch())
+        ids.append(dict(zip(cycle.tracks.origin.tolist(), cycle.tracks.track_id.tolist(), strict=True)))
+        truth = streams[0].truth.at(now_s)
+        if number >= 8:
+            assert sorted(ids[-1]) == [0, 1]
+            assert ids[-1] == ids[8]
+            off = difference_m(cycle.tracks.position_deg, truth.position_deg[cycle.tracks.origin])
+            assert np.hypot(*off.T).max() < 60.0
+    assert parts[9] == 2  # both scales in one cycle
+    assert set(parts) == {1, 2}
