@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,9 @@ from coastwatch.regional import reports_of_regions
 from coastwatch.scenario import load_scenario
 from coastwatch.server.checkpoint import load, save
 from coastwatch.server.timing import Stopwatch
-from coastwatch.stage import serial
+from coastwatch.stage import serial, serial_regions
+from coastwatch.workers.region_processes import ProcessHosts
+from coastwatch.workers.remote_regions import RemoteRegions
 
 pytestmark = pytest.mark.contract
 
@@ -122,3 +124,44 @@ def test_tracks_go_on_where_a_radar_changes_its_range_in_mid_turn():
             assert np.hypot(*off.T).max() < 60.0
     assert parts[9] == 2  # both scales in one cycle
     assert set(parts) == {1, 2}
+
+
+def whole_run(scenario, recording, regions, order):
+    """Every cycle of a run as bytes. Args: order: shuffles the parts of the video, or none; those of a radar keep their order."""
+    sensors, plan = scenario.sensors(), scenario.plan()
+    memory, out = start_run(scenario, sensors), []
+    for number in range(plan.cycles):
+        after_s, now_s = plan.start_s if number == 0 else plan.instant_s(number - 1), plan.instant_s(number)
+        reports = recording.reports.between(after_s, now_s)
+        if order is not None:
+            reports = replace(reports, video=shuffled(reports.video, order))
+        memory, cycle = run_cycle(scenario, sensors, memory, reports, now_s, serial, Stopwatch(), regions)
+        batches = (cycle.tracks, cycle.picture, cycle.members, cycle.extractions)
+        out.append([np.ascontiguousarray(getattr(b, f.name)).tobytes() for b in batches for f in fields(b)])
+    assert len(cycle.tracks) >= 4
+    return out
+
+
+def shuffled(video, order):
+    """The batches of each radar, cut in two, between those of others in any order."""
+    queues = {}
+    for part in video.parts:
+        cut = int(order.integers(0, len(part) + 1))
+        queues.setdefault(part.sensor, []).extend(v for v in (part.take(slice(cut)), part.take(slice(cut, None))) if len(v))
+    turns = order.permutation([sensor for sensor, queue in queues.items() for _ in queue]).tolist()
+    return Videos(tuple(queues[sensor].pop(0) for sensor in turns))
+
+
+def test_workers_and_the_order_of_radars_and_batches_change_no_bit():
+    scenario = load_scenario("heymann-table-1", QUICK | {"cycles": "8"})
+    radar = scenario.radars[0]
+    others = [
+        radar.model_copy(update={"name": name, "region": region, "latitude_deg": 54.3 + north_deg})
+        for name, region, north_deg in (("beside", "ship", 0.003), ("far", "other", -0.003))
+    ]
+    scenario = scenario.model_copy(update={"radars": (radar, *others)})
+    recording = scenario.input.load(scenario.sensors(), 2001, scenario.plan())
+    want = whole_run(scenario, recording, serial_regions, None)
+    assert whole_run(scenario, recording, serial_regions, np.random.default_rng(1)) == want
+    with ProcessHosts(2) as hosts:
+        assert whole_run(scenario, recording, RemoteRegions(hosts), np.random.default_rng(2)) == want
