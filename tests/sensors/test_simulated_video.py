@@ -13,7 +13,7 @@ import pytest
 from coastwatch.geodesy import offset_deg, to_plane
 from coastwatch.scenario import load_scenario
 from coastwatch.sensors.simulated import simulation
-from coastwatch.sensors.simulated.video import Ship, _disc, motion_of
+from coastwatch.sensors.simulated.video import Receiver, Ship, _disc, _levels, motion_of
 
 pytestmark = pytest.mark.contract
 
@@ -117,6 +117,53 @@ def test_land_rain_lost_spokes_and_jitter():
     }
     assert part.level[row["north"], cell["land"]].mean() > part.level[row["east"], cell["land"]].mean() + 15
     assert part.level[row["south"], cell["rain"]].mean() > part.level[row["east"], cell["rain"]].mean() + 10
+
+
+def one_turn(**settings):
+    recording, scenario = recorded(9, **settings)
+    (part,) = video(recording, scenario.plan().start_s, scenario.plan().start_s + 2.4)
+    return part
+
+
+@pytest.mark.parametrize("db_per_level", [0.5, 0.0])
+def test_a_receiver_without_settings_leaves_the_levels_of_the_power_as_they_are(db_per_level):
+    power = np.random.default_rng(2).standard_exponential((300, 200), dtype=np.float32) * np.float32(50.0)
+    if db_per_level:
+        decibels = np.float32(10.0) * np.log10(np.maximum(power, np.float32(1e-3)))
+        want = np.clip((decibels + np.float32(10.0)) / np.float32(db_per_level), 0.0, 255.0).astype(np.uint8)
+    else:
+        want = np.clip(3.0 * np.sqrt(power), 0.0, 255.0).astype(np.uint8)
+    got = _levels(Receiver().received(power, np.linspace(1.0, 5e3, 200)), db_per_level, Receiver().bits)
+    np.testing.assert_array_equal(got, want)
+    whole = one_turn(radars__0__db_per_level=db_per_level)
+    stated = one_turn(radars__0__db_per_level=db_per_level, input__receiver="{bits = 8, stc_db = 0.0, saturation_db = 200.0}")
+    np.testing.assert_array_equal(stated.level, whole.level)
+
+
+@pytest.mark.parametrize("bits", [1, 2, 4, 8, 16, 32])
+def test_fewer_bits_are_coarser_levels_that_end_at_the_highest(bits):
+    whole, coarse = one_turn(), one_turn(radars__0__db_per_level=6.0, input__receiver__bits=bits)
+    assert coarse.bits == bits
+    np.testing.assert_array_equal(coarse.level, np.minimum(whole.level // 12, 2 ** min(bits, 8) - 1))
+    assert coarse.level.max() == (2**bits - 1 if bits <= 2 else whole.level.max() // 12)
+
+
+def test_sensitivity_time_control_lowers_near_levels_by_r4_and_saturation_cuts_what_is_left():
+    whole, lowered, cut = (
+        one_turn(input__power__sea_db=40.0, **more)
+        for more in (
+            {},
+            {"input__receiver__stc_db": 30.0},
+            {"input__receiver__stc_db": 30.0, "input__receiver__saturation_db": 10.0},
+        )
+    )
+    off_db = 0.5 * (whole.level.astype(float) - lowered.level)
+    range_m = (np.arange(256) + 0.5) * whole.cell_m
+    seen = lowered.level > 0
+    for cell, wanted_db in ((10, 30.0), (170, 40.0 * np.log10(3704.0 / range_m[170])), (200, 0.0)):
+        assert off_db[seen[:, cell], cell].mean() == pytest.approx(wanted_db if range_m[cell] < 3704.0 else 0.0, abs=0.3)
+    np.testing.assert_array_equal(cut.level, np.minimum(lowered.level, 40))
+    assert lowered.level.max() > 60
 
 
 def test_a_long_coast_takes_little_memory():

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import Array, Fault, FileContent, Floats, Ints, RadarVideo, Recording, Reports, Sensors, Videos
 from coastwatch.errors import InputError
-from coastwatch.geodesy import KNOT_M_S, from_plane, offset_deg, to_plane
+from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, from_plane, offset_deg, to_plane
 from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.sensors.simulated.ais import AisTruth, transmit, transponders
 from coastwatch.sensors.simulated.echoes import TURN_RAD, Disc, Hulls, Power, Rain, add_ships, background
@@ -27,6 +27,7 @@ from coastwatch.stage import Latitude, Longitude, Method, NotNegative, Plan, Pos
 VIDEO = 71  # stream of random numbers
 NOISE_DB = 10.0  # of level 0 under the mean noise
 LINEAR_NOISE = 3.0  # level of the noise in linear video
+STC_M, STC_DB_A_DECADE = 2.0 * NAUTICAL_MILE_M, 40.0  # range from which on the gain is whole, and its slope
 BEAM_ROUNDS = 3  # iterations until the beam meets a ship
 NEAR_M = 60.0  # beyond a hull and a beam, within which a plot is of it
 QUARTER = 0.25  # of a turn: near the antenna no more than so much is near a hull
@@ -58,6 +59,30 @@ class Ship(Settings):
         return self
 
 
+class Receiver(Settings):
+    """What becomes of the power before it is sent. A level is `db_per_level` of the radar, from 10 dB under the noise on."""
+
+    bits: Literal[1, 2, 4, 8, 16, 32] = 8  # of a cell; levels over the highest are cut, those of 16 and 32 bits have 8
+    stc_db: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=100.0,
+        description="sensitivity time control: most by which the gain is lowered near the radar, with r^4 up to 2 NM",
+    )
+    saturation_db: float | None = Field(
+        default=None, ge=0.0, le=200.0, description="over the noise, where echoes are cut; none: nowhere"
+    )
+
+    def received(self, power: Array, range_m: Floats) -> Array:
+        """What the gain leaves of the power. The gain is that of noise too. (S, C) float32. Args: power: (S, C); range_m: (C,)."""
+        if self.stc_db:
+            lowered_db = np.clip(STC_DB_A_DECADE * np.log10(STC_M / range_m), 0.0, self.stc_db)
+            power = power * (10.0 ** (-lowered_db / 10.0)).astype(np.float32)
+        if self.saturation_db is not None:
+            power = np.minimum(power, np.float32(10.0 ** (self.saturation_db / 10.0)))
+        return power
+
+
 class SimulatedVideo(Method):
     """Ships as scatterers in noise, K-distributed sea clutter, rain and land, behind each other or not, as video of all radars.
 
@@ -69,6 +94,7 @@ class SimulatedVideo(Method):
     spokes: Annotated[int, Field(ge=8, le=16_384)] = 1024  # whole number in a turn
     cells: Annotated[int, Field(ge=8, le=65_536)] = 1024  # whole number in the range of the radar
     power: Power = Power()  # strengths of echoes
+    receiver: Receiver = Receiver()  # gain, saturation and depth
     rain: tuple[Rain, ...] = ()  # showers
     land_deg: tuple[tuple[tuple[Latitude, Longitude], ...], ...] = ()
     """Rings of corners, latitude and longitude, of land; none: the land of `coastline`."""
@@ -226,7 +252,8 @@ class VideoStream:
             received_s=time_s,
             azimuth_rad=azimuth % TURN_RAD,
             site_deg=np.tile(site_deg, (s.spokes, 1)),
-            level=_levels(power, float(radars.db_per_level[radar])),
+            level=_levels(s.receiver.received(power, disc.range_m), float(radars.db_per_level[radar]), s.receiver.bits),
+            bits=s.receiver.bits,
             vessel_m=_ranges(disc, hulls),
         )
         return video.take(rng.random(s.spokes) >= s.lost_share) if s.lost_share else video
@@ -273,12 +300,13 @@ def _disc(s: SimulatedVideo, sensors: Sensors, radar: int) -> Disc:
     return Disc(azimuth, range_m, float(radars.beam_rad[radar]), float(radars.pulse_m[radar]), land, rain)
 
 
-def _levels(power: Array, db_per_level: float) -> Array:
+def _levels(power: Array, db_per_level: float, bits: int) -> Array:
     """Power as levels of video. uint8"""
+    highest = float((1 << min(bits, 8)) - 1)
     if db_per_level == 0.0:
-        return np.asarray(np.clip(LINEAR_NOISE * np.sqrt(power), 0.0, 255.0).astype(np.uint8))
+        return np.asarray(np.clip(LINEAR_NOISE * np.sqrt(power), 0.0, highest).astype(np.uint8))
     decibels = np.float32(10.0) * np.log10(np.maximum(power, np.float32(1e-3)))
-    return np.asarray(np.clip((decibels + np.float32(NOISE_DB)) / np.float32(db_per_level), 0.0, 255.0).astype(np.uint8))
+    return np.asarray(np.clip((decibels + np.float32(NOISE_DB)) / np.float32(db_per_level), 0.0, highest).astype(np.uint8))
 
 
 def _ranges(disc: Disc, hulls: Hulls) -> Floats:
