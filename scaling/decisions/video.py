@@ -1,26 +1,49 @@
-"""What extraction finds in video, what it costs, and what trackers make of it: `python -m scaling.decisions.video plots|speed|tracks`.
+"""What extraction finds in video, what it costs, and what trackers make of it.
 
 The question: which threshold, and do plots of video serve the trackers as they are? Scene: `heymann-table-1`, its inner half (3 NM) unless
 `--whole`, as there is nothing beyond.
+
+    python -m scaling.decisions.video plots     P_D, errors and false plots
+    python -m scaling.decisions.video speed     processor time of extraction
+    python -m scaling.decisions.video tracks    what the scenario's tracker makes of the plots
+    python -m scaling.decisions.video beside    the same beside plots of a simulated radar with the same P_D, noise and false plots
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable
+from dataclasses import replace
 from time import process_time
 
 import numpy as np
 
-from coastwatch.batches import Floats, Messages, RadarCorrections, RadarReports, RadarVideo, Tracks, Truth, Videos
+from coastwatch.batches import (
+    Floats,
+    Ints,
+    Messages,
+    RadarCorrections,
+    RadarReports,
+    RadarVideo,
+    Reports,
+    Tracks,
+    Trajectories,
+    Truth,
+    Videos,
+)
 from coastwatch.geodesy import difference_m, earth_centred, to_plane, wrap_rad
 from coastwatch.plots import ExtractionInput
 from coastwatch.regional import reports_of_regions, start_region, step_of_regions
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.gospa import gospa
 from coastwatch.scores.ospa import ospa
+from coastwatch.sensors.simulated.radar import Antenna, RadarTruth
+from coastwatch.sensors.simulated.video import SimulatedVideo, motion_of
+from coastwatch.stage import Plan
 
 NORTH_DEG = 6.0
+OUTLIERS, MEDIAN_TO_SIGMA = 4.0, 1.4826  # deviations beyond which an error does not count; of normal errors, over their median
 NEAR_M = 250.0  # a track is right within this of its own vessel
 SIZES = (4096, 1024), (4096, 2048)
 INNER = {"radars.0.range_nm": "3.0", "input.cells": "512"}
@@ -28,7 +51,7 @@ INNER = {"radars.0.range_nm": "3.0", "input.cells": "512"}
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("plots", "speed", "tracks"))
+    parser.add_argument("what", choices=("plots", "speed", "tracks", "beside"))
     parser.add_argument("--seeds", default="2001-2003")
     parser.add_argument("--turns", type=int, default=50)
     parser.add_argument("--every", type=int, default=20, help="plots: only one of so many turns, so that the tugs move on")
@@ -45,7 +68,10 @@ def main() -> None:
     )
     rows = []
     for seed in range(int(first), int(last or first) + 1):
-        rows.append(plots(scenario, seed, asked.turns, asked.every) if asked.what == "plots" else tracks(scenario, seed))
+        if asked.what == "plots":
+            rows.append(plots(scenario, seed, asked.turns, asked.every))
+        else:
+            rows.append(tracks(scenario, seed) if asked.what == "tracks" else beside(scenario, seed))
         print(seed, json.dumps({key: round(value, 4) for key, value in rows[-1].items()}), flush=True)
     for name, of in (("mean", np.mean), ("median", np.median), ("worst", np.max)):
         print(name, json.dumps({key: round(float(of([row[key] for row in rows])), 4) for key in rows[0]}), flush=True)
@@ -130,18 +156,94 @@ def speed() -> None:
 
 def tracks(scenario: Scenario, seed: int) -> dict[str, float]:
     """What the scenario's tracker makes of the plots, at the end of each turn."""
-    sensors, plan = scenario.sensors(), scenario.plan()
-    recording, none = scenario.input.load(sensors, seed, plan), RadarCorrections.none(len(sensors.radars))
+    recording = scenario.input.load(scenario.sensors(), seed, scenario.plan())
     assert recording.truth is not None
+    return _followed(scenario, recording.reports.between, recording.truth)
+
+
+def beside(scenario: Scenario, seed: int) -> dict[str, float]:
+    """Tracks of the plots of video, and of plots of a simulated radar with the P_D, noise and false plots of the former.
+
+    Each tug has its own P_D and noise, the antenna begins north in both. Simulated plots state their true noise, or what video states.
+    """
+    sensors, plan = scenario.sensors(), scenario.plan()
+    recording, memory, parts = scenario.input.load(sensors, seed, plan), scenario.extraction.init(), []
+    assert recording.truth is not None
+    assert isinstance(scenario.input, SimulatedVideo)
+    for cycle in range(plan.cycles):
+        video = _of_cycle(plan, recording.reports.between, cycle).video
+        memory, found = scenario.extraction.step(memory, ExtractionInput(video, sensors))
+        parts.append(found)
+    of_video, motion = RadarReports.join(parts), motion_of(scenario.input.ships, plan.start_s, plan.cycles * plan.period_s)
+    turns, radars = np.arange(float(plan.cycles)), sensors.radars
+    per_m2 = float((of_video.origin < 0).sum()) / plan.cycles / (np.pi * float(radars.range_m[0]) ** 2)
+    made: dict[str, list[RadarReports]] = {"true": [], "stated": []}
+    out = {"false_plots": per_m2 * np.pi * float(radars.range_m[0]) ** 2}
+    for v, name in zip(range(len(recording.truth.vessel)), "AB", strict=True):
+        mine = of_video.take(of_video.origin == v)
+        at = to_plane(motion.position(mine.origin, mine.time_s), radars.site_deg[0])
+        off_m, off_rad = mine.range_m - np.hypot(*at.T), wrap_rad(np.radians(mine.azimuth_deg) - np.arctan2(at[:, 0], at[:, 1]))
+        sigma_m, sigma_rad = _deviation(off_m), _deviation(off_rad)
+        seen = len(np.unique(np.floor((mine.time_s - plan.start_s) / plan.period_s))) / plan.cycles
+        out |= {f"{name}_detected": seen, f"{name}_sigma_m": sigma_m, f"{name}_sigma_deg": float(np.degrees(sigma_rad))}
+        noisy = replace(radars, range_sigma_m=np.array([sigma_m]), azimuth_sigma_rad=np.array([sigma_rad]))
+        truth = RadarTruth(detection_probability=seen, clutter_per_m2=per_m2 if v == 0 else 0.0)
+        antenna = Antenna(noisy, 0, truth, plan.start_s, plan.start_s, turns, 100 * seed + v)
+
+        def position_at(row: Ints, time_s: Floats, vessel: int = v) -> Floats:
+            return motion.position(np.full(len(row), vessel), time_s)
+
+        echoes = antenna.echoes(position_at, np.array([v]))
+        for how, (range_m, azimuth_deg) in {
+            "true": (sigma_m, float(np.degrees(sigma_rad))),
+            "stated": (float(np.median(mine.range_sigma_m)), float(np.median(mine.azimuth_sigma_deg))),
+        }.items():
+            n = len(echoes)
+            made[how] += [
+                replace(echoes, range_sigma_m=np.full(n, range_m), azimuth_sigma_deg=np.full(n, azimuth_deg)),
+                antenna.clutter(),
+            ]
+    kinds = {"video": of_video, **{how: RadarReports.join(several) for how, several in made.items()}}
+    for kind, plots_of_kind in kinds.items():
+        arrived = plots_of_kind.take(np.argsort(plots_of_kind.received_s, kind="stable"))
+        followed = _followed(scenario, _between_of(arrived), recording.truth)
+        out |= {f"{kind}_{name}": followed[name] for name in ("position_m", "velocity_m_s", "complete_after", "false_tracks")}
+    return out | {f"ratio_{how}": out["video_position_m"] / out[f"{how}_position_m"] for how in made}
+
+
+def _deviation(off: Floats) -> float:
+    """The root mean square of errors, without those of false plots that happen to be near."""
+    limit = OUTLIERS * MEDIAN_TO_SIGMA * float(np.median(np.abs(off)))
+    return float(np.sqrt(np.square(off[np.abs(off) < limit]).mean()))
+
+
+def _between_of(plots_by_arrival: RadarReports) -> Callable[[float, float], Reports]:
+    """What comes between two times, as of a stream."""
+
+    def between(after_s: float, until_s: float) -> Reports:
+        received_s = plots_by_arrival.received_s
+        return Reports(radar=plots_by_arrival.take((received_s > after_s) & (received_s <= until_s)))
+
+    return between
+
+
+def _of_cycle(plan: Plan, between: Callable[[float, float], Reports], cycle: int) -> Reports:
+    return between(plan.instant_s(cycle - 1) if cycle else plan.start_s, plan.instant_s(cycle))
+
+
+def _followed(scenario: Scenario, between: Callable[[float, float], Reports], true: Trajectories) -> dict[str, float]:
+    """What the scenario's tracker makes of what comes, at the end of each turn."""
+    sensors, plan = scenario.sensors(), scenario.plan()
+    none = RadarCorrections.none(len(sensors.radars))
     step, memory = step_of_regions(scenario), start_region(scenario)
     right, distances, squares, ids, false = [], [], [], set[int](), []
     for cycle in range(plan.cycles):
         now_s = plan.instant_s(cycle)
-        reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else plan.start_s, now_s)
+        reports = _of_cycle(plan, between, cycle)
         given, _ = reports_of_regions(reports.radar, [Messages.empty()], none, now_s, sensors, reports.video)
         memory, found = step(memory, given[0])
         aligned = scenario.alignment.step(found.tracks, now_s)
-        truth = recording.truth.at(now_s)
+        truth = true.at(now_s)
         off, pairs = _errors(aligned, truth)
         right.append(pairs == len(truth) == len(aligned))
         false.append(len(aligned) - pairs)
