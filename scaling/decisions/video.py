@@ -4,7 +4,7 @@ The question: which threshold, and do plots of video serve the trackers as they 
 `--whole`, as there is nothing beyond.
 
     python -m scaling.decisions.video plots     P_D, errors and false plots
-    python -m scaling.decisions.video speed     processor time of extraction
+    python -m scaling.decisions.video speed     processor time of extraction, beside the prototype and the oracle of the tests
     python -m scaling.decisions.video tracks    what the scenario's tracker makes of the plots
     python -m scaling.decisions.video beside    the same beside plots of a simulated radar with the same P_D, noise and false plots
 """
@@ -12,10 +12,18 @@ The question: which threshold, and do plots of video serve the trackers as they 
 from __future__ import annotations
 
 import argparse
+import importlib
+import importlib.util
 import json
+import shutil
+import sys
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from time import process_time
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -27,13 +35,15 @@ from coastwatch.batches import (
     RadarReports,
     RadarVideo,
     Reports,
+    Sensors,
     Tracks,
     Trajectories,
     Truth,
     Videos,
 )
 from coastwatch.geodesy import difference_m, earth_centred, to_plane, wrap_rad
-from coastwatch.plots import ExtractionInput
+from coastwatch.plots import CfarExtraction, ExtractionInput
+from coastwatch.plots.video.spokes import VideoRadar
 from coastwatch.regional import reports_of_regions, start_region, step_of_regions
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.gospa import gospa
@@ -45,12 +55,15 @@ from coastwatch.stage import Plan
 NORTH_DEG = 6.0
 OUTLIERS, MEDIAN_TO_SIGMA = 4.0, 1.4826  # deviations beyond which an error does not count; of normal errors, over their median
 NEAR_M = 250.0  # a track is right within this of its own vessel
-SIZES = (4096, 1024), (4096, 2048)
+SIZES = {(4096, 1024): 20, (4096, 2048): 16, (4096, 4096): 8, (4096, 8192): 4}
+"""Spokes and cells, and how many times real time is wanted."""
+ORACLES = Path(__file__).parents[2] / "tests" / "oracles"
+PROTOTYPE = Path(__file__).parents[3] / "shared" / "prototypes" / "radar_image" / "fast.py"
 INNER = {"radars.0.range_nm": "3.0", "input.cells": "512"}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("plots", "speed", "tracks", "beside"))
     parser.add_argument("--seeds", default="2001-2003")
     parser.add_argument("--turns", type=int, default=50)
@@ -123,35 +136,96 @@ def plots(scenario: Scenario, seed: int, turns: int, every: int) -> dict[str, fl
 
 def _at(video: RadarVideo, shift_s: float) -> RadarVideo:
     """The video as if it came at another time, so that turns that are far apart follow each other."""
-    return RadarVideo(
-        video.sensor,
-        video.first_m,
-        video.cell_m,
-        video.time_s + shift_s,
-        video.received_s + shift_s,
-        video.azimuth_rad,
-        video.site_deg,
-        video.level,
-        video.vessel_m,
-    )
+    return replace(video, time_s=video.time_s + shift_s, received_s=video.received_s + shift_s)
 
 
 def speed() -> None:
-    """Processor time of extraction, beside the time in which the radar turns at 25 turns a minute."""
-    for spokes, cells in SIZES:
-        scenario = load_scenario("heymann-table-1", {"cycles": "4", "input.cells": str(cells), "input.spokes": str(spokes)})
+    """Processor time of extraction, beside the time in which the radar turns at 25 turns a minute, the prototype and the oracle."""
+    with tempfile.TemporaryDirectory() as folder:
+        prototype = _prototype(Path(folder))
+        if prototype is None:
+            print(f"the prototype is not beside it, as {PROTOTYPE} is absent")
+        _at_each_size(prototype)
+    _beside_oracle()
+
+
+def _at_each_size(prototype: Any) -> None:
+    """Args: prototype: its module, or None."""
+    for (spokes, cells), wanted in SIZES.items():
+        scenario = load_scenario("heymann-table-1", {"cycles": "5", "input.cells": str(cells), "input.spokes": str(spokes)})
         sensors, plan = scenario.sensors(), scenario.plan()
-        stream, memory = scenario.input.load(sensors, 1, plan).reports, scenario.extraction.init()
+        stream, memory, theirs = scenario.input.load(sensors, 1, plan).reports, scenario.extraction.init(), None
+        took_s: dict[str, list[float]] = {"ours": [], "prototype": []}
         for turn in range(plan.cycles):
-            video = stream.between(plan.start_s + turn * plan.period_s, plan.instant_s(turn)).video
+            video = _of_cycle(plan, stream.between, turn).video
             begun = process_time()
-            memory, found = scenario.extraction.step(memory, ExtractionInput(video, sensors))
-            took = process_time() - begun
-            print(
-                f"{spokes} x {cells}, turn {turn}: {1e3 * took:.0f} ms, {1e9 * took / spokes / cells:.1f} ns a cell, "
-                f"{plan.period_s / took:.1f} times real time, {len(found)} plots",
-                flush=True,
-            )
+            memory, _ = scenario.extraction.step(memory, ExtractionInput(video, sensors))
+            took_s["ours"].append(process_time() - begun)
+            if prototype is not None:
+                theirs = theirs or _extractor(prototype, video.parts[0], sensors)
+                begun = process_time()
+                theirs(video.parts[0].level)
+                took_s["prototype"].append(process_time() - begun)
+        ours, other = (float(np.median(seconds[1:] or [np.nan])) for seconds in took_s.values())  # the first turn compiles
+        against = "" if prototype is None else f", {ours / other:.2f} times the prototype (wanted 1.5)"
+        print(
+            f"{spokes} x {cells}: {1e3 * ours:.0f} ms a turn, {1e9 * ours / spokes / cells:.1f} ns a cell, "
+            f"{plan.period_s / ours:.1f} times real time (wanted {wanted}){against}",
+            flush=True,
+        )
+
+
+def _prototype(folder: Path) -> Any:
+    """The module of the prototype's extraction; None: it is absent. Args: folder: for a copy, as compiled functions lie beside it."""
+    if not PROTOTYPE.exists():
+        return None
+    copy = shutil.copy(PROTOTYPE, folder)
+    spec = importlib.util.spec_from_file_location("radar_image_prototype", copy)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def _extractor(prototype: Any, video: RadarVideo, sensors: Sensors) -> Any:
+    """The prototype's extraction with windows as wide as ours. It has looked at a turn, and is compiled."""
+    spokes, cells = video.level.shape
+    radar = SimpleNamespace(
+        spokes=spokes, cells=cells, dr=video.cell_m, beam=sensors.radars.beam_rad[0], pulse_m=sensors.radars.pulse_m[0]
+    )
+    wide, long = spokes / 1024, 10.85 / video.cell_m
+    window, guard = ((round(a * wide), round(c * long)) for a, c in ((16, 24), (6, 8)))
+    made = prototype.Extractor(radar, threshold_db=9.0, window=window, guard=guard)
+    made(video.level)
+    return made
+
+
+def _beside_oracle() -> None:
+    """Two turns of a small radar, from the first spoke on, by extraction and by the textbook with scipy."""
+    sys.path.insert(0, str(ORACLES))
+    textbook: Any = importlib.import_module("video_textbook")
+    scenario = load_scenario("heymann-table-1", INNER | {"cycles": "2"})
+    sensors, plan = scenario.sensors(), scenario.plan()
+    assert isinstance(scenario.extraction, CfarExtraction)
+    stream = scenario.input.load(sensors, 1, plan).reports
+    videos = stream.between(plan.start_s, plan.instant_s(1)).video
+    level, azimuth_rad = (np.concatenate([getattr(part, name) for part in videos.parts]) for name in ("level", "azimuth_rad"))
+    radar = VideoRadar.of(sensors, 0)
+    begun = process_time()
+    _, found = scenario.extraction.step(scenario.extraction.init(), ExtractionInput(videos, sensors))
+    ours = process_time() - begun
+    begun = process_time()
+    rules = scenario.extraction._detection(radar, videos.parts[0]).rules
+    on, db, looked = textbook.excesses(level, np.zeros(level.shape, np.bool_), azimuth_rad, rules)
+    echoes = textbook.echoes(on, db, azimuth_rad, radar.beam_rad)
+    oracle = process_time() - begun
+    count = int(((echoes[:, 0] >= scenario.extraction.least_cells) & (echoes[:, 7] < looked - 1)).sum())
+    print(
+        f"{level.shape[0]} spokes x {level.shape[1]}: {1e3 * ours:.0f} ms, the scipy oracle {oracle:.1f} s, "
+        f"{oracle / ours:.0f} times as long (wanted 30); plots: {len(found)}, {count}"
+    )
 
 
 def tracks(scenario: Scenario, seed: int) -> dict[str, float]:
