@@ -123,7 +123,7 @@ class Cycle:
     vessel_alarms: VesselAlarms = field(default_factory=VesselAlarms.empty)
     events: EventChanges = field(default_factory=EventChanges.empty)  # flags and alarms that begin or end
     unsound: int = 0  # vessels that were left out of the picture, because their state is none
-    left_out: dict[str, int] = field(default_factory=dict)  # by stage: pairs, or bearings, that a crowd has too many of
+    left_out: dict[str, int] = field(default_factory=dict)  # by stage: choices, pairs or bearings that a crowd has too many of
     extractions: Extractions = field(default_factory=Extractions.empty)  # of the video of this cycle
 
     def to_write(self) -> Cycle:

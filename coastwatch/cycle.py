@@ -28,6 +28,7 @@ from coastwatch.batches import (
     Sensors,
     StandingEchoes,
     Tracks,
+    Unproven,
     limits,
 )
 from coastwatch.centre import CentreMemory, Cycle, Received, Timer, run_centre, start_centre
@@ -41,13 +42,14 @@ from coastwatch.tracks import AisInput, AisMemory, Antennas, BearingInput, Beari
 from coastwatch.tracks.bearing_vessels import expected_vessels
 
 LEFT_OUT = {
+    "tracks": "choices of the plots of a crowd of tracks not proven best: each is the best one found within `search_nodes`",
     "associations": "pairs of tracks not compared: each track of a crowd is compared with the nearest alone",
     "alarms": "pairs of vessels not watched for close approach: of each vessel of a crowd the nearest and most urgent are",
     "octants": "pairs of a bearing and a vessel not compared: each bearing track is compared with the nearest in direction",
     "bearing_tracks": "bearings not used: more than a cycle takes of one sensor or contact",
     "azimuths": "plots and spokes of a ship not used: no heading of it within 5 s",
 }
-"""What `left_out` counts, by stage: at most so many pairs, bearings, plots or spokes."""
+"""What `left_out` counts, by stage: at most so many choices, pairs, bearings, plots or spokes."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ class Memory:
     )  # by sensors without contact numbers, in the next cycle
     beyond: dict[str, int] = field(default_factory=dict)  # reports, tracks and vessels that were dropped as none, by kind
     left_out: dict[str, int] = field(default_factory=dict)  # as of Cycle, of all cycles
+    unproven: Unproven = Unproven()  # choices of the trackers of all regions and cycles
     unknown_radar: int = 0  # reports of a radar that the scenario does not have
     headings: HeadingMemory = field(default_factory=HeadingMemory)  # of ships with radars that count azimuths from the bow
 
@@ -115,7 +118,8 @@ def dropped(memory: Memory, sensors: Sensors) -> tuple[Fault, ...]:
     ]
     counts += [(limits.BEYOND + kind, "pipeline", count) for kind, count in m.beyond.items()]
     counts += [(LEFT_OUT[stage], stage, count) for stage, count in m.left_out.items()]
-    return tuple(Fault(kind, count, where, "") for kind, where, count in counts if count)
+    examples = {"tracks": f"their costs sum to at most {m.unproven.excess:.3g} more than the least, as log-likelihoods"}
+    return tuple(Fault(kind, count, where, examples.get(where, "")) for kind, where, count in counts if count)
 
 
 def run_cycle(
@@ -181,7 +185,9 @@ def run_cycle(
         expected = expected_vessels(*bearing_memory.unnumbered(), cycle.picture, cycle.bearing_associations, sensors)
     beyond = _summed(m.beyond, beyond, unsound, {"vessel of the picture": cycle.unsound})
     of_bearings, of_azimuths = bearing_memory.left_out - m.bearing_tracks.left_out, headings.left_out - m.headings.left_out
-    left_out = _summed(cycle.left_out, {"bearing_tracks": of_bearings, "azimuths": of_azimuths})
+    unproven = sum((region.unproven for region in regional), Unproven())
+    left_out = {"tracks": unproven.count, "bearing_tracks": of_bearings, "azimuths": of_azimuths}
+    left_out = _summed(cycle.left_out, left_out)
     with timer("registration"):
         seen = RegistrationInput(
             plots,
@@ -237,6 +243,7 @@ def run_cycle(
         expected=expected,
         beyond=beyond,
         left_out=_summed(m.left_out, left_out),
+        unproven=m.unproven + unproven,
         unknown_radar=m.unknown_radar + unknown,
         headings=headings,
     )

@@ -24,6 +24,7 @@ from coastwatch.batches import (
     Sensors,
     StandingEchoes,
     Tracks,
+    Unproven,
     Videos,
 )
 from coastwatch.plots import ExtractionInput, ExtractionMemory, PlotConverter, PlotExtractor, PolarMemory, over_background
@@ -66,6 +67,7 @@ class RegionCycle:
     plots: Plots  # for registration and cover
     decided: DecidedPath  # the past that became final; empty for trackers that decide at once
     extractions: Extractions = field(default_factory=Extractions.empty)
+    unproven: Unproven = Unproven()  # choices of its tracker
 
 
 def start_region(scenario: Scenario) -> RegionMemory:
@@ -102,6 +104,7 @@ def run_regional_centre(
         replace(plots, sensor=radars[plots.sensor]),
         replace(decided, radar=np.where(decided.radar < 0, -1, radars[np.maximum(decided.radar, 0)])),
         replace(summary, radar=radars[summary.radar]),
+        found.unproven,
     )
 
 

@@ -175,6 +175,17 @@ class Octants(Struct):
     )
 
 
+@dataclass(frozen=True)
+class Unproven:
+    """Choices of the plots of a cluster of tracks that were not proven best within the limit of nodes."""
+
+    count: int = 0
+    excess: float = 0.0  # by which their costs exceed their lower bounds, in all: they are too dear by so much at most
+
+    def __add__(self, other: Unproven) -> Unproven:
+        return Unproven(self.count + other.count, self.excess + other.excess)
+
+
 @dataclass(frozen=True, eq=False)
 class Associations(Struct):
     """Which tracks are the same vessel."""

@@ -23,10 +23,11 @@ pytestmark = pytest.mark.contract
 
 
 @cache
-def played(count: int, width_nm: float, cycles: int) -> tuple[Scenario, Memory, list[Cycle]]:
-    """The demo with so many vessels in a square, and approaches that count at once."""
+def played(count: int, width_nm: float, cycles: int, method: str = "") -> tuple[Scenario, Memory, list[Cycle]]:
+    """The demo with so many vessels in a square, and approaches that count at once. Args: method: of radar tracks, empty: the default."""
     size = {"input.count": str(count), "input.area_width_nm": str(width_nm), "input.area_height_nm": str(width_nm)}
-    scenario = load_scenario("guanabara", size | {"alarms.cpa_known_s": "0"})
+    tracker = {"tracks.method": method} if method else {}
+    scenario = load_scenario("guanabara", size | tracker | {"alarms.cpa_known_s": "0"})
     sensors, plan, out = scenario.sensors(), scenario.plan(), list[Cycle]()
     reports, memory, before_s = scenario.input.load(sensors, 1, plan).reports, start_run(scenario, sensors), -np.inf
     for k in range(cycles):
@@ -51,6 +52,14 @@ def test_what_a_crowd_leaves_out_is_counted_and_told() -> None:
     last = cycles[-1]
     assert last.associations.tested < 512 * len(last.tracks)
     assert len(last.picture) > 700
+
+
+def test_choices_that_were_not_proven_are_told_with_what_they_may_cost() -> None:
+    scenario, memory, cycles = played(200, 0.3, 6, "multi_hypothesis")
+    told = [fault for fault in dropped(memory, scenario.sensors()) if fault.where == "tracks"]
+    assert [fault.count for fault in told] == [sum(cycle.left_out.get("tracks", 0) for cycle in cycles)]
+    assert told[0].count == memory.unproven.count
+    assert f"at most {memory.unproven.excess:.3g} more" in told[0].example
 
 
 def test_ordinary_traffic_leaves_nothing_out() -> None:

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from radar_world import ORIGIN_DEG, PERIOD_S, World, plots_of, run, two_radars, world
+from radar_world import ORIGIN_DEG, PERIOD_S, World, cut, plots_of, run, two_radars, world
 
+from coastwatch.batches import Plots, Unproven
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.tracks import hypothesis_trees, tree_rows
 from coastwatch.scenario import ScenarioError, load_scenario
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import TableTracker
+from coastwatch.tracks import RegionInput, TableTracker
 from coastwatch.tracks.radar.multi_hypothesis import MultiHypothesis
 
 pytestmark = pytest.mark.contract
@@ -84,6 +85,30 @@ def test_the_choice_of_trees_that_share_nothing_with_a_look_stands(monkeypatch):
     assert len(memory.forest.leaves) > len(memory.table.live)
     assert np.array_equal(memory.forest.leaves.plot, every.forest.leaves.plot)
     np.testing.assert_allclose(out[-1].covariance, whole[-1].covariance, rtol=1e-9, atol=1e-9)
+
+
+def unproven_choices(plots: Plots, cycles: int) -> list[Unproven]:
+    """Of each cycle."""
+    tracker, sensors, out = TableTracker(method="multi_hypothesis"), two_radars(), []
+    memory = tracker.init()
+    for cycle in range(cycles):
+        given = RegionInput.of_plots(cut(plots, cycle), PERIOD_S * (cycle + 1), sensors)
+        memory, found = tracker.step(memory, given)
+        assert memory.forest.unproven == Unproven()  # else the next cycle would count it again
+        out.append(found.unproven)
+    return out
+
+
+def test_choices_beyond_the_limit_of_nodes_are_counted():
+    """Sixty vessels in half a mile, with clutter."""
+    plots = plots_of(world(60, 5, side_nm=0.5), two_radars(), 24.0, 5, detection=0.8, clutter_per_m2=2e-6)
+    found = unproven_choices(plots, 8)
+    assert max(one.count for one in found) >= 1
+    assert all((one.excess > 0.0) == (one.count > 0) and one.excess < 1000.0 for one in found)
+
+
+def test_on_an_ordinary_sea_all_choices_are_proven(dense):
+    assert unproven_choices(dense, 8) == [Unproven()] * 8
 
 
 def abreast(place: np.ndarray, seed: int) -> World:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Batch, Floats, Ints
+from coastwatch.batches import Batch, Floats, Ints, Unproven
 from coastwatch.batches.struct import Struct, column
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.smoothing import Steps
@@ -99,6 +99,7 @@ class Forest(Struct):
     null_cost: Floats = column(np.float64, "S")  # of "no vessel", as costs of leaves are
     nulled: Ints = column(np.int64, "S")  # looks in a row in which other tracks had all the plots of the track
     until_s: Floats = column(np.float64, "S")  # up to which a track lives by its messages, without plots
+    unproven: Unproven = Unproven()  # choices of this cycle
 
     @classmethod
     def empty(cls, window: int = 0, radars: int = 0, models: int = 0) -> Forest:

@@ -20,6 +20,7 @@ from coastwatch.batches import (
     Sensors,
     StandingEchoes,
     Tracks,
+    Unproven,
 )
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
@@ -74,6 +75,7 @@ class RegionOutput(NamedTuple):
     standing_echoes: StandingEchoes  # none where no clutter map is learnt
     dropped: int  # plots that are not finite, or from the future
     decided: DecidedPath = NOTHING_DECIDED  # the past that became final in this cycle; none for trackers that decide at once
+    unproven: Unproven = Unproven()  # choices of several looks, of trackers that make such
 
 
 @dataclass
@@ -176,8 +178,9 @@ def update_region(
         standing_echoes=standing_echoes(parts.clutter, memory.clutter, sensors.radars, origin_deg),
         dropped=int((~good).sum()),
         decided=report_decided(memory.forest.decided, sensors, region),
+        unproven=memory.forest.unproven,
     )
-    return memory.without_decided(), found
+    return memory.without_reported(), found
 
 
 def _end_slice(

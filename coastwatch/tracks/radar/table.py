@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from coastwatch.batches import Batch, Bools, Floats, Ints, Radars
+from coastwatch.batches import Batch, Bools, Floats, Ints, Radars, Unproven
 from coastwatch.batches.struct import Struct, column
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks import columns
@@ -216,9 +216,9 @@ class RadarMemory(Struct):
         held = np.logical_or.reduce(np.isfinite(self.table.radar_s[self.table.live][:, moved]), axis=1)
         return replace(self, table=self.table.without(held), clutter=self.clutter.without_radars(moved))
 
-    def without_decided(self) -> RadarMemory:
-        """This memory without the states of the past that were reported."""
-        return replace(self, forest=replace(self.forest, decided=Decided.empty()))
+    def without_reported(self) -> RadarMemory:
+        """This memory without what was reported of this cycle: states of the past, and the count of unproven choices."""
+        return replace(self, forest=replace(self.forest, decided=Decided.empty(), unproven=Unproven()))
 
     def with_plots_alone(self, models: int) -> RadarMemory:
         """This memory with filters of plots alone, if it has none: it is of a tracker without. Args: models: J of each."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints
+from coastwatch.batches import Bools, Floats, Ints, Unproven
 from coastwatch.tracks.radar.leaves import Forest, Leaves
 from coastwatch.tracks.radar.table import Status
 
@@ -40,6 +40,7 @@ class Pruned(NamedTuple):
     start: Ints  # (T + 1,) first leaf
     share: Floats  # (L,) probability of each leaf
     existence: Floats  # (T,)
+    unproven: Unproven  # clusters whose choice may not be the best one
 
 
 def choose_and_prune(rules: Pruning, forest: Forest, leaves: Leaves, looked: Bools, status: Ints) -> Pruned:
@@ -58,7 +59,7 @@ def choose_and_prune(rules: Pruning, forest: Forest, leaves: Leaves, looked: Boo
     slot = of_slot[start[:-1]]
     null, seen, of = forest.null_cost[slot], looked[slot], np.repeat(np.arange(len(slot)), np.diff(start))
     number, plots = _numbered(plot)
-    chosen, displaced, priced = _chosen(rules, cost, (number, plots), leaves.mmsi[kept], start, null)
+    chosen, displaced, priced, unproven = _chosen(rules, cost, (number, plots), leaves.mmsi[kept], start, null)
     forest.nulled[slot[seen]] = np.where(displaced, forest.nulled[slot] + 1, 0)[seen]
     final = plot[chosen, 0]
     keep = (plot[:, 0] == final[of]) | ~seen[of]
@@ -77,7 +78,7 @@ def choose_and_prune(rules: Pruning, forest: Forest, leaves: Leaves, looked: Boo
     leaves.cost[:] -= np.repeat(cost[chosen], np.diff(start))
     share, existence = trees.weigh(start, leaves.cost, leaves.existence, null)
     existence[ended(forest.nulled[slot], status[slot], rules.window)] = 0.0
-    return Pruned(leaves, slot, start, share, existence)
+    return Pruned(leaves, slot, start, share, existence, unproven)
 
 
 def ended(nulled: Ints, status: Ints, window: int) -> Bools:
@@ -107,8 +108,9 @@ def _numbered(plot: Ints) -> tuple[Ints, int]:
 
 def _chosen(
     rules: Pruning, cost: Floats, plots: tuple[Ints, int], mmsi: Ints, start: Ints, null: Floats
-) -> tuple[Ints, Bools, Floats]:
-    """The global hypothesis: the leaf of each tree (T,), which trees have none there, and the costs of leaves with prices (L,).
+) -> tuple[Ints, Bools, Floats, Unproven]:
+    """The global hypothesis: the leaf of each tree (T,), which trees have none there, the costs of leaves with prices (L,), and unproven
+    choices.
 
     A tree is listed as without one if its cheapest leaf is better than no vessel.
     A tree without a leaf there has its cheapest one whose newest plot no other tree has.
@@ -132,4 +134,5 @@ def _chosen(
     free = np.flatnonzero(cheapest(start, cost + np.where(taken[resource[:, -1]], TAKEN, 0.0), 1, 0.0))
     displaced: Bools = ~has & (_least(cost, start) < null)
     price = np.append(choice.price, 0.0)[resource].sum(axis=1)  # the last: of no plot
-    return np.where(has, choice.leaf, free), displaced, cost + price
+    unproven = Unproven(int(np.count_nonzero(choice.excess)), float(choice.excess.sum()))
+    return np.where(has, choice.leaf, free), displaced, cost + price, unproven

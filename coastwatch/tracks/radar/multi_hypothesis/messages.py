@@ -82,7 +82,8 @@ def _take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: Radar
     grown = Leaves.join([leaves.take(rows), children])
     grown = with_linked(forest, trees, grown.take(np.argsort(grown.slot, kind="stable")), looked, messages.mmsi[heard.message])
     pruned = choose_and_prune(pruning, forest, grown, looked, table.status)
-    forest = replace(forest.replaced(trees, pruned.slot, pruned.leaves, steps), next_plot=first + len(messages))
+    forest, unproven = forest.replaced(trees, pruned.slot, pruned.leaves, steps), forest.unproven + pruned.unproven
+    forest = replace(forest, next_plot=first + len(messages), unproven=unproven)
     taken = write_chosen(parts, table, pruned, looked, first, batch)
     got = np.flatnonzero(taken >= 0)
     np.maximum.at(table.message_s, taken[got], batch.time[got])

@@ -76,7 +76,8 @@ class MultiHypothesis(Settings):
         grown = with_linked(forest, trees, grown, looked)
         pruned = choose_and_prune(self._pruning, forest, grown, looked, table.status)
         forest = forest.replaced(trees, pruned.slot, pruned.leaves, steps)
-        forest = replace(forest, next_plot=forest.next_plot + len(batch.time))
+        next_plot, unproven = forest.next_plot + len(batch.time), forest.unproven + pruned.unproven
+        forest = replace(forest, next_plot=next_plot, unproven=unproven)
         taken = write_chosen(parts, table, pruned, looked, look.number, batch)
         at = pruned.slot[looked[pruned.slot]]
         table.looked_s[at, radar] = look.time[at]
