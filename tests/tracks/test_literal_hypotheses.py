@@ -157,6 +157,17 @@ def test_it_resumes_to_the_bit_and_shuffled_plots_are_of_no_matter():
         method.model_copy(update={"window": 4}).step(memory, inputs[10])
 
 
+@pytest.mark.parametrize("column", ["plot", "message"])
+@pytest.mark.parametrize("number", [10**6, -2])
+def test_leaves_of_plots_and_reports_that_are_none_are_refused(column, number):
+    method, memory, inputs = busy()
+    for given in inputs[:3]:
+        memory, _ = method.step(memory, given)
+    getattr(memory.leaves, column).flat[-1] = number
+    with pytest.raises(ValueError, match=rf"it is damaged: Leaves\.{column}: got .*{number}.*, needed -1 to \d+$"):
+        load(save(memory))
+
+
 @pytest.mark.parametrize(
     "settings",
     [

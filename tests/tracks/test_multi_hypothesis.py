@@ -159,10 +159,11 @@ def test_a_memory_of_another_window_is_refused(dense):
         run(other, dense, 1, memory=memory, first=3)
 
 
-def test_leaves_of_no_slot_are_refused(dense):
+@pytest.mark.parametrize(("column", "number"), [("slot", 10**6), ("step", -2), ("plot", 10**6), ("plot", -2)])
+def test_leaves_of_no_slot_step_or_plot_are_refused(dense, column, number):
     memory, _ = run(TableTracker(method="multi_hypothesis"), dense, 3)
-    memory.forest.leaves.slot[0] = 10**6
-    with pytest.raises(ValueError, match=r"Leaves\.slot"):
+    getattr(memory.forest.leaves, column).flat[-1] = number
+    with pytest.raises(ValueError, match=rf"it is damaged: Leaves\.{column}: got .*{number}.*, needed -?\d+ to \d+$"):
         load(save(memory))
 
 

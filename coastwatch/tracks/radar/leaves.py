@@ -143,9 +143,10 @@ class Forest(Struct):
         return replace(self, leaves=leaves, steps=self.steps.take(np.flatnonzero(used)))
 
     def check_slots(self, filters: tuple[int, ...], radars: int) -> None:
-        """Check the leaves against the table. Args: filters: (slots, models of each); radars: R. Raises: ValueError."""
+        """Check the leaves against the table, and their plots. Args: filters: (slots, models of each); radars: R. Raises: ValueError."""
         require_rows("Leaves.slot", self.leaves.slot, filters[0], 0)
         require_rows("Leaves.step", self.leaves.step, len(self.steps), -1)
+        require_rows("Leaves.plot", self.leaves.plot, self.next_plot, -1)
         got, needed = (self.leaves.mode_probability.shape[1], self.leaves.radar_s.shape[1]), (filters[1], radars)
         if len(self.leaves) and got != needed:
             raise ValueError(f"Leaves: got {got[0]} models of {got[1]} radars, needed {needed[0]} of {needed[1]}")

@@ -13,6 +13,7 @@ import numpy as np
 
 from coastwatch.batches import Batch, Bools, Floats, Ints, Messages
 from coastwatch.batches.struct import Struct, column
+from coastwatch.kernels.tables.row_numbers import require_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +91,9 @@ class ForestMemory(Struct):
         return cls(leaves, trees, preliminary, waiting, decided, best, np.zeros((0, 2)), np.full(window + 1, -np.inf))
 
     def check_rows(self) -> None:
-        """Check the rows of trees and leaves, as after reading a checkpoint. Raises: ValueError."""
+        """Check the rows of trees and leaves, and numbers of plots and reports, as after reading a checkpoint. Raises: ValueError."""
+        require_rows("Leaves.plot", self.leaves.plot, self.next_plot, -1)
+        require_rows("Leaves.message", self.leaves.message, self.next_message, -1)
         tree, trees = self.leaves.tree, len(self.trees)
         if not np.array_equal(np.unique(tree), np.arange(trees)) or (np.diff(tree) < 0).any():
             raise ValueError(
