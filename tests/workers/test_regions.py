@@ -172,7 +172,7 @@ def test_the_picture_from_plots_is_the_same_over_processes_of_which_one_is_kille
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["imm", "sided_imm", "filterpy_imm", "vimmjipda", "sided_vimmjipda"])
+@pytest.mark.parametrize("method", ["imm", "sided_imm", "filterpy_imm", "vimmjipda", "sided_vimmjipda", "multi_hypothesis"])
 @pytest.mark.parametrize("count", [2, 3])
 def test_every_tracker_gives_the_same_over_processes(method, count):
     scenario = scenario_of_regions(2 * CYCLES, method)
