@@ -17,6 +17,7 @@ from coastwatch.scenario import ScenarioError, load_scenario
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import RegionInput, TableTracker
 from coastwatch.tracks.radar.multi_hypothesis import MultiHypothesis
+from coastwatch.tracks.radar.table import RadarMemory
 
 pytestmark = pytest.mark.contract
 
@@ -109,6 +110,48 @@ def test_choices_beyond_the_limit_of_nodes_are_counted():
 
 def test_on_an_ordinary_sea_all_choices_are_proven(dense):
     assert unproven_choices(dense, 8) == [Unproven()] * 8
+
+
+def check_leaves(memory: RadarMemory) -> None:
+    """No tree has more leaves than the default allows, and all are numbers."""
+    leaves = memory.forest.leaves
+    assert np.bincount(leaves.slot).max() <= MultiHypothesis().leaves
+    assert all(np.isfinite(column).all() for column in (leaves.cost, leaves.existence, *leaves.filters, *leaves.estimates))
+
+
+@pytest.mark.parametrize(("count", "half_m"), [(10_000, 8000.0), (2000, 1500.0)])
+def test_ten_thousand_plots_in_one_turn_leave_the_tracks(dense, count, half_m):
+    """Over the whole area, and fewer so close that a gate holds dozens. The turns after it go on."""
+    tracker, rng = TableTracker(method="multi_hypothesis"), np.random.default_rng([5, 6])
+    memory, out = run(tracker, dense, 6)
+    now = cut(dense, 6)
+    many = now.take(rng.integers(0, len(now), count))
+    place, time_s = rng.uniform(-half_m, half_m, (len(many), 2)), rng.uniform(6 * PERIOD_S + 0.1, 7 * PERIOD_S, len(many))
+    many = replace(many, position_m=place, time_s=time_s, origin=np.full(len(many), -1))
+    given = RegionInput.of_plots(Plots.join([now, many]), 7 * PERIOD_S, two_radars())
+    memory, found = tracker.step(memory, given)
+    check_leaves(memory)
+    assert found.dropped == 0
+    memory, after = run(tracker, dense, 2, memory=memory, first=7)
+    check_leaves(memory)
+    assert np.isfinite(after[-1].position_deg).all()
+    assert np.isin(out[-1].track_id, after[-1].track_id).mean() > 0.8
+
+
+@pytest.mark.parametrize(
+    "covariance", [np.zeros((2, 2)), [[100.0, 0.0], [0.0, 0.0]], [[100.0, 200.0], [200.0, 100.0]]], ids=str
+)
+def test_plots_of_a_singular_covariance_leave_the_tracks(dense, covariance):
+    tracker = TableTracker(method="multi_hypothesis")
+    memory, out = run(tracker, dense, 6)
+    now = cut(dense, 6)
+    now.covariance[::3] = covariance
+    memory, _ = tracker.step(memory, RegionInput.of_plots(now, 7 * PERIOD_S, two_radars()))
+    check_leaves(memory)
+    memory, after = run(tracker, dense, 2, memory=memory, first=7)
+    check_leaves(memory)
+    assert np.isfinite(after[-1].covariance).all()
+    assert np.isin(out[-1].track_id, after[-1].track_id).mean() > 0.8
 
 
 def abreast(place: np.ndarray, seed: int) -> World:

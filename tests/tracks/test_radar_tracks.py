@@ -13,13 +13,20 @@ from radar_world import ORIGIN_DEG, PERIOD_S, cut, every_tracker, plots_of, run,
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import RadarTracker, RegionInput, TableTracker
+from coastwatch.tracks import MultiHypothesisLiteral, RadarTracker, RegionInput, TableTracker
 from coastwatch.tracks.radar.bank import Filterpy
 from coastwatch.tracks.radar.clutter import ClutterSettings
 
 pytestmark = pytest.mark.contract
 
 METHODS = every_tracker()
+UNLIKE = [  # that take their plots each by a code of its own
+    TableTracker(method="sided_imm"),
+    TableTracker(method="vimmjipda"),
+    TableTracker(method="multi_hypothesis"),
+    TableTracker(method="sided_multi_hypothesis"),
+    MultiHypothesisLiteral(plot_sigma_m=30.0, clutter_per_m2=1e-7, nearest_new_m=100.0, gate=9.21),
+]
 ROUNDING = 1e-9  # relative; the two gains differ by rounding times the condition of the innovation
 
 
@@ -195,11 +202,11 @@ def test_no_plot_and_one_plot(method):
     assert len(memory.table) == 1
 
 
+@pytest.mark.parametrize("method", UNLIKE, ids=lambda m: m.method)
 @pytest.mark.parametrize(
     ("column", "value"), [("position_m", np.nan), ("time_s", np.inf), ("time_s", np.nan), ("time_s", 1e6), ("time_s", -1e300)]
 )
-def test_a_plot_that_is_no_number_or_of_the_future_is_dropped(busy, column, value):
-    method = TableTracker(method="sided_imm")
+def test_a_plot_that_is_no_number_or_of_the_future_is_dropped(busy, method, column, value):
     memory, _ = run(method, busy, 5)
     plots = cut(busy, 5)
     bad = getattr(plots, column).copy()
@@ -211,9 +218,9 @@ def test_a_plot_that_is_no_number_or_of_the_future_is_dropped(busy, column, valu
     assert same(got.tracks, clean.tracks)
 
 
-def test_old_and_repeated_plots_do_no_harm(busy):
+@pytest.mark.parametrize("method", UNLIKE, ids=lambda m: m.method)
+def test_old_and_repeated_plots_do_no_harm(busy, method):
     """Time that goes backwards by a minute, and every plot twice: the tracks stay, nothing is divided by zero."""
-    method = TableTracker(method="sided_imm")
     memory, out = run(method, busy, 8)
     plots = cut(busy, 8)
     old = replace(plots, time_s=plots.time_s - 60.0)
