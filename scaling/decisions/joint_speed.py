@@ -1,7 +1,8 @@
 """What a track and scan cost by existence, and a scan of a dense cluster: `python -m scaling.decisions.joint_speed [--tracks 4000]`.
 
 The question: does a scan of 4,000 tracks of `vimmjipda` cost 10 us a track at most? Does a scan in which 40 vessels meet cost 20 ms at
-most? And how many times as much is another `--method`?
+most? And how many times as much is another `--method`? How large are its memory and its checkpoint? Of multi-hypothesis tracks it also
+prints the leaves of a tree: the mean, and the most after any scan.
 Processor time of one thread, after scans that compile kernels and confirm tracks. One radar turns every 3 s and detects 0.9 of the vessels;
 clutter and spacing are those of `context-driven-1000`. The 40 vessels start evenly on a circle of 300 m and sail to its centre. The last
 line is the kernel alone: the probabilities of 40 tracks and 40 plots of which every pair is possible.
@@ -11,14 +12,16 @@ from __future__ import annotations
 
 import argparse
 from time import process_time
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Floats, Plots, Radars, Sensors, Sonars, Stations
+from coastwatch.batches import Floats, Ints, Plots, Radars, Sensors, Sonars, Stations
+from coastwatch.batches.struct import size_bytes
 from coastwatch.geodesy import NAUTICAL_MILE_M
-from coastwatch.tracks import RegionInput, TableTracker
+from coastwatch.server.checkpoint import save
+from coastwatch.tracks import RadarMemory, RegionInput, TableTracker
 from coastwatch.tracks.radar.life import Detection
 from coastwatch.tracks.radar.presets import Name
 
@@ -53,10 +56,19 @@ def plots_of(place_m: Floats, time_s: float, reach_m: float, rng: np.random.Gene
     return Plots(number, number, time, z, noise, np.zeros((count, 2)), distance, azimuth, np.full(count, -1))
 
 
+class Scan(NamedTuple):
+    """What one scan of a run was."""
+
+    ms: float  # processor time
+    tracks: int  # that are reported
+    spread_m: float  # of the vessels
+    leaves: Ints  # (T,) of each tree, after the scan
+
+
 def scans(
     start_m: Floats, velocity_m_s: Floats, count: int, seed: int, name: Name = "vimmjipda"
-) -> list[tuple[float, int, float]]:
-    """Processor time in ms, number of reported tracks, and spread of the vessels in m, of each scan of a run."""
+) -> tuple[list[Scan], RadarMemory]:
+    """Each scan of a run, and the memory at its end."""
     rng, reach_m = np.random.default_rng([seed, 1]), float(np.abs(start_m).max()) + 500.0
     upkeep = TableTracker(method=name).upkeep.model_copy(update={"detection": Detection(false_plots_per_m2=CLUTTER_M2)})
     method = TableTracker(method=name, upkeep=upkeep)
@@ -67,8 +79,17 @@ def scans(
         plots = plots_of(place_m, time_s - 0.5, reach_m, rng)
         begin = process_time()
         memory, (tracks, *_) = method.step(memory, RegionInput.of_plots(plots, time_s, sensors))
-        found.append((1e3 * (process_time() - begin), len(tracks), float(place_m.std(axis=0).max())))
-    return found
+        ms, leaves = 1e3 * (process_time() - begin), np.bincount(memory.forest.leaves.slot)
+        found.append(Scan(ms, len(tracks), float(place_m.std(axis=0).max()), leaves[leaves > 0]))
+    return found, memory
+
+
+def print_size(scanned: list[Scan], memory: RadarMemory) -> None:
+    """Print how large the memory of a run is, and how many leaves its trees had."""
+    print(f"memory {1e-6 * size_bytes(memory):.1f} MB, checkpoint {1e-6 * len(save(memory)):.1f} MB (asked: 40 MB each)")
+    if len(scanned[-1].leaves):
+        most = max(int(one.leaves.max()) for one in scanned)
+        print(f"leaves a tree: {np.mean([one.leaves.mean() for one in scanned]):.2f}, most {most} (asked: 20)")
 
 
 def spread_out(vessels: int, seed: int) -> tuple[Floats, Floats]:
@@ -84,15 +105,18 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--method", default="vimmjipda", choices=get_args(Name))
     asked = parser.parse_args()
-    last = scans(*spread_out(asked.tracks, asked.seed), 30, asked.seed, asked.method)[15:]
-    cost, tracks = np.array([ms for ms, *_ in last]), np.mean([count for _, count, _ in last])
+    every, memory = scans(*spread_out(asked.tracks, asked.seed), 30, asked.seed, asked.method)
+    cost, tracks = np.array([one.ms for one in every[15:]]), np.mean([one.tracks for one in every[15:]])
     each = 1e3 * cost / tracks
     print(f"{tracks:.0f} tracks: {np.median(each):.2f} us a track and scan, worst {each.max():.2f} (asked: 10)")
+    print_size(every[15:], memory)
     angle = np.linspace(0.0, 2.0 * np.pi, MEETING, endpoint=False)
     out = np.column_stack([np.sin(angle), np.cos(angle)])
-    meeting = scans(CIRCLE_M * out, -SPEED_M_S * out, 25, asked.seed, asked.method)[2:]
-    ms, count, spread_m = max(meeting)
-    print(f"{MEETING} vessels meet: worst scan {ms:.2f} ms, with {count} tracks over {spread_m:.0f} m (asked: 20 ms)")
+    every, memory = scans(CIRCLE_M * out, -SPEED_M_S * out, 25, asked.seed, asked.method)
+    worst = max(every[2:], key=lambda one: one.ms)
+    where = f"with {worst.tracks} tracks over {worst.spread_m:.0f} m"
+    print(f"{MEETING} vessels meet: worst scan {worst.ms:.2f} ms, {where} (asked: 20 ms)")
+    print_size(every[2:], memory)
     plot, track = (rows.ravel() for rows in np.indices((MEETING, MEETING)))
     weight = np.random.default_rng([asked.seed, 3]).exponential(10.0, MEETING**2)
     taken = []
