@@ -7,6 +7,7 @@ import pytest
 from global_hypothesis_textbook import by_milp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis_clusters import forest, meeting
 
 from coastwatch.kernels.association.global_hypothesis import choose
 
@@ -14,18 +15,6 @@ pytestmark = pytest.mark.oracle
 
 ROUNDING = 1e-6  # sums of a few costs of order 10; the solver and HiGHS stop at 1e-7
 ROUNDS, NODES = 100, 2000
-
-
-def forest(seed: int, trees: int, most: int, resources: int, integer: bool = False):
-    """Trees of random leaves that want up to three of a few resources; the more they have, the less they cost."""
-    rng = np.random.default_rng([seed, 17])
-    start = np.concatenate([[0], np.cumsum(rng.integers(1, most + 1, trees))])
-    leaves = int(start[-1])
-    resource = np.argsort(rng.random((leaves, resources)), axis=1)[:, :3]
-    resource[rng.random(resource.shape) < 0.4] = -1
-    gain = rng.normal(5.0, 3.0, resource.shape) * (resource >= 0)
-    cost = -gain.sum(axis=1)
-    return start, np.round(cost) if integer else cost, resource
 
 
 def cost_of(leaf, cost, null):
@@ -152,22 +141,3 @@ def test_large_clusters_are_close_to_the_program(seed):
     above = cost_of(choice.leaf, cost, null) - best
     assert -ROUNDING <= above <= choice.excess.sum() + ROUNDING
     assert above < 20.0  # what is asked of a cost of some -600, in which a plot is worth 6
-
-
-def meeting(seed: int, trees: int):
-    """Vessels round a point: the 20 best leaves of each, by the distances of plots of three looks; a plot is worth 6, a miss costs 2."""
-    rng = np.random.default_rng([seed, 19])
-    place = rng.normal(0.0, 60.0, (trees, 2))
-    cost, resource = np.zeros((trees, 1)), np.zeros((trees, 1, 0), np.int64)
-    for look in range(3):
-        plots = place + rng.normal(0.0, 20.0, place.shape)
-        square = ((place[:, None] - plots) ** 2).sum(axis=2) / 20.0**2
-        of_look = np.concatenate([0.5 * square - 6.0, np.full((trees, 1), 2.0)], axis=1)
-        cost = (cost[:, :, None] + of_look[:, None]).reshape(trees, -1)
-        plot = np.append(np.arange(trees) + look * trees, -1)
-        resource = np.concatenate(
-            [np.repeat(resource, trees + 1, axis=1), np.tile(plot, resource.shape[1])[None, :, None].repeat(trees, 0)], axis=2
-        )
-        best = np.argsort(cost, axis=1, kind="stable")[:, :20]
-        cost, resource = np.take_along_axis(cost, best, 1), np.take_along_axis(resource, best[:, :, None], 1)
-    return np.arange(0, 20 * trees + 1, 20), cost.ravel(), resource.reshape(-1, 3)

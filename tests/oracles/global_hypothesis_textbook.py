@@ -6,10 +6,14 @@ Source: E. Liland, AIS aided multi hypothesis tracker, master thesis, NTNU 2017,
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
-def by_milp(start, cost, resource, resources, null):
+
+def by_milp(start: Ints, cost: Floats, resource: Ints, resources: int, null: Floats) -> float:
     """The least cost of one leaf (or null) a tree with each resource in one leaf at most; infinite if there is no such choice.
 
     Args: start: (T + 1,) first leaf of each tree; cost: (L,); resource: (L, m), -1: none; null: (T,) infinite: not allowed.
