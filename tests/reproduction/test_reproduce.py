@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,17 @@ from run_world import Start
 
 from coastwatch.operators.cli import main
 from coastwatch.operators.plot import draw_run
-from coastwatch.reproduction import figures, finished_runs, measuring, planning, published, report, running, systems
+from coastwatch.reproduction import (
+    figures,
+    finished_runs,
+    html_report,
+    measuring,
+    planning,
+    published,
+    report,
+    running,
+    systems,
+)
 from coastwatch.reproduction.figures import Line, Made, Spread, at_path, orders
 from coastwatch.reproduction.finished_runs import FinishedRuns
 from coastwatch.reproduction.report_plots import roc_curve
@@ -161,6 +172,27 @@ def test_two_points_of_a_sweep_are_compared() -> None:
     assert order.point == made[1].wanted.point
     assert order.difference.mean == pytest.approx(0.4)
     assert order.verdict == "holds"
+    other = replace(order, difference=figures.Spread((-0.1, 0.05)))
+    folder = report.Folder("liland-tracking", of, tuple(made), (), (order, other, replace(order, difference=figures.Spread())))
+    said = html_report.in_short(report.Reproduction("liland", (folder,), "", "", {}, ""))
+    assert said[-1] == "The mean is as they say in 1 of 2 cases."
+
+
+def test_each_way_to_begin_a_track_is_compared_with_and_without_ais() -> None:
+    of = published.chosen("liland", ("initiation",))["liland-initiation"]
+    points = [(claim, dict(point)) for claim in of.ordering for point in of.points(of.named(claim.less))]
+    compared = [point for claim, point in points if all(point.get(key) in wanted for key, wanted in claim.at.items())]
+    assert len(compared) == 4 * 3 * 12 * 3  # transponders, probabilities of detection, m/n, densities of clutter
+
+
+def test_targets_have_as_many_runs_as_are_asked_for() -> None:
+    of = published.chosen("liland", ("tracking",))
+    made = planning.plan(of, 30, "test")["liland-tracking"]
+    asked = [figure for figure in of["liland-tracking"].figure if figure.asked is not None]
+    for figure in asked:
+        (one,) = (w for w in made if w.variant.name == figure.asked_of and figure.at.items() <= dict(w.point).items())
+        assert len(one.jobs) == 30
+    assert len(asked) == 11
 
 
 def test_each_point_of_a_sweep_changes_one_of_window_cutoff_and_order() -> None:
