@@ -4,7 +4,8 @@ The question: does weighing all plots in the gate keep neighbours apart, where t
 300 vessels of `context-driven-1000` with clutter and misses sail in convoys of three ships 50 or 120 m apart, or pass each other at
 30 m, or go their own way on an open sea in four times the clutter, where a turn shows 0.6 of them. `--set` changes spacing,
 detection and clutter, e.g. `--set input.radar.detection_probability=0.7`. All else is the default. It prints means over seeds with
-their standard errors: breaks and changes are counts of a run.
+their standard errors: breaks and changes are counts of a run. Plots of a confirmed track go to the fusion at once. Where a later look
+gives a plot to no track or to another, it cannot be taken out there: the share of those is printed as taken back.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ import argparse
 import math
 from dataclasses import dataclass, field
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
-from coastwatch.batches import Floats, Ints, SourceKind, Truth
+from coastwatch.batches import Bools, Floats, Ints, SourceKind, Truth
 from coastwatch.centre import Cycle
 from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import difference_m
@@ -25,6 +27,11 @@ from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
 from coastwatch.server.timing import Stopwatch
 from coastwatch.stage import serial
+from coastwatch.tracks.radar.leaves import Forest
+from coastwatch.tracks.radar.multi_hypothesis import tracking
+from coastwatch.tracks.radar.multi_hypothesis.choice import Pruned
+from coastwatch.tracks.radar.multi_hypothesis.decided import decide
+from coastwatch.tracks.radar.table import Status, Table
 from scaling.load.seeds import seed_range
 
 PLOTS = {"sonars": "[]", "input.radar.detection_probability": "0.9", "input.radar.clutter_per_m2": "5e-7", "input.count": "300"}
@@ -53,7 +60,37 @@ METHODS: dict[str, dict[str, str]] = {
     "sided_multi_hypothesis": {"tracks.method": "sided_multi_hypothesis", "tracks.messages.method": "none"},
     "vimmjipda_sequential": {"tracks.method": "vimmjipda_sequential"},
 }
-HEADS = "F1, %", "fused m", "fused m/s", "radar m", "radar m/s", "breaks", "changes"
+HEADS = "F1, %", "fused m", "fused m/s", "radar m", "radar m/s", "breaks", "changes", "taken back, %"
+
+
+@dataclass
+class TakenBack:
+    """The plots that tracks of several hypotheses took, and those that they have for good. All radars are of one region."""
+
+    taken: list[Ints] = field(default_factory=list)  # (n, 2) track and plot
+    final: list[Ints] = field(default_factory=list)
+
+    def decide(self, forest: Forest, table: Table, pruned: Pruned, looked: Bools) -> Forest:
+        """As `decide` of the tracker, which this calls."""
+        slot, first = pruned.slot, pruned.start[:-1]
+        here = looked[slot] & (table.status[slot] == Status.CONFIRMED)
+        track, plot = table.track_id[slot[here]], pruned.leaves.plot[first[here]]
+        for parts, column in ((self.taken, -1), (self.final, 0)):
+            has = plot[:, column] >= 0
+            parts.append(np.column_stack([track, plot[:, column]])[has])
+        return decide(forest, table, pruned, looked)
+
+    def share(self) -> float:
+        """Of the plots that were taken no later than one that the same track has for good; NaN: there is none."""
+        if not self.taken:
+            return math.nan
+        taken, final = np.concatenate(self.taken), np.concatenate(self.final)
+        last = np.full(int(max(taken[:, 0].max(initial=0), final[:, 0].max(initial=0))) + 1, -1)
+        np.maximum.at(last, final[:, 0], final[:, 1])
+        taken = taken[taken[:, 1] <= last[taken[:, 0]]]
+        plots = int(last.max()) + 1
+        kept = np.isin(taken[:, 0] * plots + taken[:, 1], final[:, 0] * plots + final[:, 1])
+        return float(1.0 - kept.mean()) if len(taken) else math.nan
 
 
 @dataclass
@@ -67,6 +104,7 @@ class Scores:
     changes: int = 0  # of the true vessel of a radar track
     held: Ints = field(default_factory=lambda: np.zeros(0, np.int64))  # vessels with a radar track in the last cycle
     vessel_of: dict[int, int] = field(default_factory=dict)  # of each radar track
+    taken: TakenBack = field(default_factory=TakenBack)
 
     def add(self, cycle: Cycle, truth: Truth, kinds: Ints) -> None:
         """Count one cycle."""
@@ -88,7 +126,8 @@ class Scores:
     def row(self) -> list[float]:
         """The figures, in the order of HEADS."""
         rms = [math.sqrt(float(mean)) for parts in (self.fused, self.radar) for mean in np.concatenate(parts).mean(axis=0)]
-        return [100.0 * self.decisions.as_dict()["f1"], *rms, float(self.breaks), float(self.changes)]
+        decided = 100.0 * self.decisions.as_dict()["f1"]
+        return [decided, *rms, float(self.breaks), float(self.changes), 100.0 * self.taken.share()]
 
 
 def _squares(estimate: Any, rows: Ints, truth: Truth, at: Ints) -> Floats:
@@ -107,7 +146,8 @@ def run(settings: dict[str, str], seed: int) -> Scores:
     for number in range(plan.cycles):
         now_s = plan.instant_s(number)
         reports = recording.reports.between(before_s, now_s)
-        memory, cycle = run_cycle(scenario, sensors, memory, reports, now_s, serial, Stopwatch())
+        with patch.object(tracking, "decide", scores.taken.decide):
+            memory, cycle = run_cycle(scenario, sensors, memory, reports, now_s, serial, Stopwatch())
         before_s = now_s
         if number >= scenario.warmup_cycles:
             scores.add(cycle, recording.truth.at(now_s), sensors.source_kinds)
