@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import ID_STRIDE, DecidedPath, Floats, Ints
 from coastwatch.geodesy import from_plane, to_plane
+from coastwatch.kernels.filters.smoothing import Steps
+from coastwatch.kernels.tracks.thesis_growth import process_noise
 from coastwatch.reproduction.published import TrackLoss
 from coastwatch.reproduction.systems import as_paths
 from coastwatch.reproduction.targets import cycles
@@ -15,6 +18,7 @@ from coastwatch.sensors import StartStates
 from coastwatch.server.timing import Stopwatch
 from coastwatch.tracks import ForestMemory, MultiHypothesisLiteral
 from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Decided
+from coastwatch.tracks.radar.multi_hypothesis_literal.initiation import transition
 
 SAME_S = 1e-3  # a plot and the end of its cycle that are closer are of one instant
 
@@ -23,7 +27,7 @@ def measure(scenario: Scenario, seed: int, asked: TrackLoss) -> dict[str, float 
     """The scores of the tracks of region 0 from the first instant of the truth on.
 
     Returns: those of `path_scores` with hindsight, and as `online_...` as shown at the time; of `initiation_scores` and `shadow_scores`
-    as shown; look_s: mean time of a step of the tracker.
+    as shown; smoothed_rmsd_m: of the whole final paths of the literal tracker, smoothed; look_s: mean time of a step of the tracker.
     """
     sensors = scenario.sensors()
     recording = scenario.input.load(sensors, seed, scenario.plan())
@@ -49,10 +53,18 @@ def measure(scenario: Scenario, seed: int, asked: TrackLoss) -> dict[str, float 
                 decided.append(memory.decided)
     true_m, online_m = as_paths(true), as_paths(shown)
     final_m = as_paths(corrected(shown, DecidedPath.join(past), instants_s, site_deg))
-    if isinstance(memory, ForestMemory):
+    smoothed_rmsd_m: float | None = None
+    if isinstance(memory, ForestMemory) and isinstance(method, MultiHypothesisLiteral):
         every = Decided.join([*decided, memory.open_path()])
-        position_m = to_plane(from_plane(every.state[:, :2], region_deg), site_deg)
-        final_m = as_paths([(every.number[at], position_m[at]) for at in (every.time_s == now_s for now_s in instants_s)])
+        both = [
+            as_paths([(every.number[at], position_m[at]) for at in (every.time_s == now_s for now_s in instants_s)])
+            for position_m in (
+                to_plane(from_plane(state[:, :2], region_deg), site_deg)
+                for state in (every.state, smoothed(every, method.process_noise))
+            )
+        ]
+        final_m = both[0]
+        smoothed_rmsd_m = path_scores(both[1], true_m, asked.limit_m, asked.for_good)["rmsd_m"]
     hidden = np.zeros(true_m.shape[:2], np.bool_)
     if isinstance(scenario.input, StartStates):
         hidden = scenario.input.in_shadow(true_m)
@@ -62,8 +74,36 @@ def measure(scenario: Scenario, seed: int, asked: TrackLoss) -> dict[str, float 
         **{f"online_{name}": value for name, value in online.items()},
         **initiation_scores(online_m, true_m, asked.limit_m, scenario.period_s),
         **shadow_scores(online_m, true_m, hidden, asked.near_m, asked.after_looks),
+        "smoothed_rmsd_m": smoothed_rmsd_m,
         "look_s": float(np.mean(watch.seconds["tracks"])),
     }
+
+
+def smoothed(path: Decided, noise: float) -> Floats:
+    """The states of whole paths by all of their looks (D, 4), by Rauch, Tung and Striebel, thesis section 4.10.
+
+    A look without a measurement is a step as any other. A report counts at its look, as between two looks the motion is one step.
+    Args: path: in any order, each instant of a track once; noise: factor of the process noise.
+    """
+    if not len(path):
+        return path.state
+    order = np.lexsort((path.time_s, path.number))
+    path, count = path.take(order), len(path)
+    same = np.append(False, path.number[1:] == path.number[:-1])[:count]
+    mean, covariance = path.state.copy(), path.covariance.copy()  # before the first look of a track; not used
+    elapsed_s = np.diff(path.time_s, prepend=0.0)
+    for step_s in np.unique(elapsed_s[same]):
+        rows = np.flatnonzero(same & (elapsed_s == step_s))
+        move = transition(float(step_s))
+        mean[rows] = path.state[rows - 1] @ move.T
+        covariance[rows] = move @ path.covariance[rows - 1] @ move.T + process_noise(float(step_s), noise)
+    first = np.flatnonzero(~same)
+    end = np.repeat(np.append(first[1:], count), np.diff(np.append(first, count)))  # of the track of each row
+    later = np.arange(count)[:, None] + np.arange((end - np.arange(count)).max(initial=0))
+    steps = Steps(path.time_s, path.state, path.covariance, mean, covariance)
+    out = np.empty((count, 4))
+    out[order] = kernels.filters.smoothing.fixed_lag(steps, np.where(later < end[:, None], later, -1))[0]
+    return out
 
 
 def corrected(

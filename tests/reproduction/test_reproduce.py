@@ -192,7 +192,7 @@ def test_targets_have_as_many_runs_as_are_asked_for() -> None:
     for figure in asked:
         (one,) = (w for w in made if w.variant.name == figure.asked_of and figure.at.items() <= dict(w.point).items())
         assert len(one.jobs) == 30
-    assert len(asked) == 11
+    assert len(asked) == 16
 
 
 def test_each_point_of_a_sweep_changes_one_of_window_cutoff_and_order() -> None:

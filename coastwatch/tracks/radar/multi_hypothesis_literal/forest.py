@@ -27,7 +27,7 @@ class Leaves(Batch):
     origin: Ints = column(np.int64, "L", "W")  # true vessel of the plot
     score: Floats = column(np.float64, "L", "W")
     path: Floats = column(np.float64, "L", "W", 4)  # state after each look: east, north, and their rates; NaN before its start
-    covariance: Floats = column(np.float64, "L", 4, 4)  # after the newest look
+    path_covariance: Floats = column(np.float64, "L", "W", 4, 4)
     life_score: Floats = column(np.float64, "L")  # since the tree began
     updated_s: Floats = column(np.float64, "L")  # newest measurement
 
@@ -35,6 +35,11 @@ class Leaves(Batch):
     def state(self) -> Floats:
         """The state after the newest look. (L, 4)"""
         return self.path[:, -1]
+
+    @property
+    def covariance(self) -> Floats:
+        """Its covariance. (L, 4, 4)"""
+        return np.ascontiguousarray(self.path_covariance[:, -1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +70,7 @@ class Decided(Batch):
     number: Ints = column(np.int64, "D")
     time_s: Floats = column(np.float64, "D")
     state: Floats = column(np.float64, "D", 4)
+    covariance: Floats = column(np.float64, "D", 4, 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +111,8 @@ class ForestMemory(Struct):
     def with_trees(self, state: Floats, covariance: Floats, time_s: float, window: int) -> Self:
         """This memory with new trees of one leaf each, whose start is decided. Args: (B, 4), (B, 4, 4)."""
         count, w = len(state), len(self.look_s)
-        none, path = np.full((count, w), -1), np.full((count, w, 4), np.nan)
-        path[:, -1] = state
+        none, path, path_covariance = np.full((count, w), -1), np.full((count, w, 4), np.nan), np.full((count, w, 4, 4), np.nan)
+        path[:, -1], path_covariance[:, -1] = state, covariance
         number = self.next_number + np.arange(count)
         leaves = Leaves(
             tree=len(self.trees) + np.arange(count),
@@ -116,7 +122,7 @@ class ForestMemory(Struct):
             origin=none,
             score=np.zeros((count, w)),
             path=path,
-            covariance=covariance,
+            path_covariance=path_covariance,
             life_score=np.zeros(count),
             updated_s=np.full(count, time_s),
         )
@@ -126,7 +132,7 @@ class ForestMemory(Struct):
             best=np.concatenate([self.best, len(self.leaves) + np.arange(count)]),
             leaves=Leaves.join([self.leaves, leaves]),
             trees=Trees.join([self.trees, trees]),
-            decided=Decided.join([self.decided, Decided(number, np.full(count, time_s), state)]),
+            decided=Decided.join([self.decided, Decided(number, np.full(count, time_s), state, covariance)]),
             next_number=self.next_number + count,
         )
 
@@ -136,4 +142,7 @@ class ForestMemory(Struct):
         w = len(self.look_s)
         is_open = w - 1 - np.arange(w) < np.minimum(self.trees.age[rows], w - 1)[:, None]  # (K', W)
         k, at = np.nonzero(is_open)
-        return Decided(self.trees.number[rows[k]], self.look_s[at], self.leaves.path[self.best[rows[k]], at])
+        leaf = self.best[rows[k]]
+        return Decided(
+            self.trees.number[rows[k]], self.look_s[at], self.leaves.path[leaf, at], self.leaves.path_covariance[leaf, at]
+        )

@@ -215,7 +215,7 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
             origin=_shifted(leaves.origin[parent], origin),
             score=_shifted(leaves.score[parent], made.score),
             path=_shifted(leaves.path[parent], made.state),
-            covariance=made.covariance,
+            path_covariance=_shifted(leaves.path_covariance[parent], made.covariance),
             life_score=leaves.life_score[parent] + made.score,
             updated_s=np.where(has_plot, look.time_s, np.maximum(leaves.updated_s[parent], sent_s)),
         )
@@ -241,7 +241,8 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
         trees = replace(trees, age=trees.age + 1, window=self._windows(memory))
         memory = replace(memory, trees=trees)
         old = np.flatnonzero(trees.age >= w)
-        decided = [memory.decided, Decided(trees.number[old], np.full(len(old), memory.look_s[0]), leaves.path[best[old], 0])]
+        first = leaves.path[best[old], 0], leaves.path_covariance[best[old], 0]
+        decided = [memory.decided, Decided(trees.number[old], np.full(len(old), memory.look_s[0]), *first)]
         ends = self._ends(memory, radars)
         decided.append(memory.open_path(ends))
         mine, column = best[leaves.tree], np.arange(w - 1)
