@@ -42,7 +42,7 @@ from coastwatch.tracks import AisInput, AisMemory, Antennas, BearingInput, Beari
 from coastwatch.tracks.bearing_vessels import expected_vessels
 
 LEFT_OUT = {
-    "tracks": "choices of the plots of a crowd of tracks not proven best: each is the best one found within `search_nodes`",
+    "tracks": "choices of the plots of a crowd of tracks not proven best: each is the best one found within the limit of nodes",
     "associations": "pairs of tracks not compared: each track of a crowd is compared with the nearest alone",
     "alarms": "pairs of vessels not watched for close approach: of each vessel of a crowd the nearest and most urgent are",
     "octants": "pairs of a bearing and a vessel not compared: each bearing track is compared with the nearest in direction",

@@ -7,9 +7,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from hypotheses_textbook import look, root
-from radar_world import plots_of, two_radars, world
+from radar_world import PERIOD_S, cut, plots_of, two_radars, world
 
-from coastwatch.batches import Messages, Plots, Sensors
+from coastwatch.batches import Messages, Plots, Sensors, Unproven
 from coastwatch.geodesy import KNOT_M_S, to_plane
 from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.scenario import load_scenario
@@ -155,6 +155,22 @@ def test_it_resumes_to_the_bit_and_shuffled_plots_are_of_no_matter():
     assert same(one.tracks, two.tracks)
     with pytest.raises(ValueError, match="window of 3, needed 4"):
         method.model_copy(update={"window": 4}).step(memory, inputs[10])
+
+
+def test_choices_beyond_the_limit_of_nodes_are_counted():
+    """Sixty vessels in half a mile; and the scene of the thesis, where all choices are proven."""
+    crowd = plots_of(world(60, 5, side_nm=0.5), two_radars(), 40.0, 5, detection=0.8, clutter_per_m2=2e-6)
+    method = MultiHypothesisLiteral(plot_sigma_m=30.0, clutter_per_m2=2e-6, nearest_new_m=50.0, gate=9.21)
+    memory, counts = method.init(), []
+    for cycle in range(6):
+        memory, found = method.step(memory, RegionInput.of_plots(cut(crowd, cycle), PERIOD_S * (cycle + 1), two_radars()))
+        counts.append(found.unproven.count)
+        assert (found.unproven.excess > 0.0) == (found.unproven.count > 0)
+    assert max(counts) >= 1
+    method, memory, inputs = busy()
+    for given in inputs[:6]:
+        memory, found = method.step(memory, given)
+        assert found.unproven == Unproven()
 
 
 @pytest.mark.parametrize("column", ["plot", "message"])

@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from coastwatch.batches import Batch, Bools, Floats, Ints, Messages
+from coastwatch.batches import Batch, Bools, Floats, Ints, Messages, Unproven
 from coastwatch.batches.struct import Struct, column
 from coastwatch.kernels.tables.row_numbers import require_rows
 
@@ -88,6 +88,7 @@ class ForestMemory(Struct):
     next_number: int = 1
     next_plot: int = 0
     next_message: int = 0
+    unproven: Unproven = Unproven()  # choices of the newest cycle
 
     @classmethod
     def empty(cls, window: int) -> Self:

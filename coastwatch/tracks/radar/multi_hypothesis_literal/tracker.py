@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
+from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks, Unproven
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
@@ -115,14 +115,16 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
         ours = np.flatnonzero(sensors.radars.region == region)
         site_m = to_plane(sensors.radars.site_deg[ours], sensors.region_origin_deg[region])
         radars = RadarColumns(site_m, sensors.radars.range_m[ours], sensors.radars.period_s[ours], np.full(len(ours), -np.inf))
-        memory = replace(memory, waiting=Messages.join([memory.waiting, given.messages]), decided=Decided.empty())
+        waiting = Messages.join([memory.waiting, given.messages])
+        memory = replace(memory, waiting=waiting, decided=Decided.empty(), unproven=Unproven())
         number = np.full(len(plots), -1)
         for look in self._looks(memory, plots, time_s, radars):
             memory, taken = self._take(memory, look, radars)
             number[look.row] = taken
         tracks = self._report(memory, radars, time_s, sensors, region)
         measurements = report_measurements(tracks, number, plots, sensors, region)
-        return memory, RegionOutput(tracks, measurements, StandingEchoes.empty(), int((~good).sum()))
+        dropped = int((~good).sum())
+        return memory, RegionOutput(tracks, measurements, StandingEchoes.empty(), dropped, unproven=memory.unproven)
 
     def _looks(self, memory: ForestMemory, plots: Plots, time_s: float, radars: RadarColumns) -> list[_Taken]:
         """The looks of a cycle by time: the plots of each radar, or a look without plots if none has come for a turn."""
@@ -145,14 +147,16 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
         memory, reports = self._reports(memory, look.time_s, elapsed_s)
         leaves, children = self._grown(memory, look, reports, elapsed_s, radars)
         memory = replace(memory, look_s=np.append(memory.look_s[1:], max(look.time_s, last_s)))
-        leaves, best = self._chosen(memory, leaves, children)
+        leaves, choice = self._chosen(memory, leaves, children)
+        best, unproven = choice.leaf, Unproven(int(np.count_nonzero(choice.excess)), float(choice.excess.sum()))
         used, heard = np.zeros(len(look.row), np.bool_), np.zeros(len(reports.age), np.bool_)
         newest, message = leaves.plot[:, -1], leaves.message[:, -1]
         used[newest[newest >= 0] - memory.next_plot] = True
         heard[message[message >= 0] - memory.next_message] = True
         taken, number = np.full(len(look.row), -1), newest[best]
         taken[number[number >= 0] - memory.next_plot] = memory.trees.number[number >= 0]
-        memory = self._pruned(replace(memory, leaves=leaves, best=best), radars)
+        memory = replace(memory, leaves=leaves, best=best, unproven=memory.unproven + unproven)
+        memory = self._pruned(memory, radars)
         begun = begin(
             self,
             memory.preliminary,
@@ -221,8 +225,10 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
         )
         return grown, made
 
-    def _chosen(self, memory: ForestMemory, leaves: Leaves, made: Children) -> tuple[Leaves, Ints]:
-        """The leaves, less those that are similar if these go, and the row of the chosen one of each tree, (4.21) to (4.23)."""
+    def _chosen(
+        self, memory: ForestMemory, leaves: Leaves, made: Children
+    ) -> tuple[Leaves, kernels.association.global_hypothesis.Choice]:
+        """The leaves, less those that are similar if these go, and the choice of one of each tree, (4.21) to (4.23)."""
         choice, trees = _choice(leaves, len(memory.trees)), len(memory.trees)
         if self.similar and trees:
             alone = np.bincount(choice.cluster)[choice.cluster] == 1
@@ -233,7 +239,7 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
             if gone.any():
                 leaves = leaves.take(~gone)
                 choice = _choice(leaves, trees)
-        return leaves, choice.leaf
+        return leaves, choice
 
     def _pruned(self, memory: ForestMemory, radars: RadarColumns) -> ForestMemory:
         """The memory without the tracks that end, and without the leaves that differ from the chosen ones before the window."""
