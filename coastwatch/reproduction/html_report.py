@@ -123,7 +123,10 @@ def in_short(reproduction: Reproduction) -> list[str]:
     if kinds:
         said.append(f"Orderings of the paper: {', '.join(f'{count} {word}' for word, count in sorted(kinds.items()))}.")
         measured = [order.difference.mean for order in claims if not order.ordering.ours and len(order.difference.values)]
-        said.append(f"The mean is as they say in {sum(mean > 0.0 for mean in measured)} of {len(measured)} cases.")
+        more, less = sum(mean > 0.0 for mean in measured), sum(mean < 0.0 for mean in measured)
+        said.append(
+            f"Of {len(measured)} means {more} are as they say, {len(measured) - more - less} equal, {less} the other way round."
+        )
     if laid:
         said.append(f"Figures of a scene laid out by hand to give them, counted nowhere: {laid}.")
     return said
