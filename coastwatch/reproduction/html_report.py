@@ -51,9 +51,10 @@ TARGETS = (("targets.ospa_m", "OSPA, m", "", 1), ("targets.error_m", "TLE, m", "
            ("targets.id_right", "id right", "%", 1), ("targets.id_wrong", "id wrong", "%", 1),
            ("targets.genie_ospa_m", "OSPA of the bound, m", "", 1))  # fmt: skip
 PATHS = (("paths.loss", "track loss", "%", 1), ("paths.tracking", "tracking", "%", 1), ("paths.rmsd_m", "RMSD, m", "", 2),
-         ("paths.online_tracking", "tracking online", "%", 1), ("paths.online_rmsd_m", "RMSD online, m", "", 2),
+         ("paths.smoothed_rmsd_m", "RMSD smoothed, m", "", 2), ("paths.online_tracking", "tracking online", "%", 1),
+         ("paths.online_rmsd_m", "RMSD online, m", "", 2),
          ("paths.false_tracks", "false tracks", "", 1), ("paths.false_alive", "false tracks alive", "", 2),
-         ("paths.t80_s", "80 % begun, s", "", 1), ("paths.look_s", "a look", "ms", 1))  # fmt: skip
+         ("paths.t80_s", "80 % begun, s", "", 1), ("paths.cost_s", "cost, s", "", 1), ("paths.look_s", "a look", "ms", 1))  # fmt: skip
 HOW = """
 <p>Each row is one method. <b>Published</b>, the paper's value, stands in the row of the paper's own method alone: the method as
 the paper describes it, run here; where the paper is not specific, the choice is named. The default of <code>coastwatch run</code>
