@@ -209,6 +209,7 @@ def notice_loss(connection: socket.socket) -> None:
 def reason_of(error: OSError) -> str:
     """What is wrong with an address, in the words of the system: asyncio adds the address as a tuple."""
     if isinstance(error, socket.gaierror) or error.errno is None:
-        return str(error.strerror or error)
+        nothing_said = "no answer in time" if isinstance(error, TimeoutError) else type(error).__name__
+        return str(error.strerror or error) or nothing_said
     reason = os.strerror(error.errno)
     return f"{reason}: is another program listening there?" if error.errno == errno.EADDRINUSE else reason

@@ -155,6 +155,31 @@ def test_damaged_messages_are_counted_and_cycles_that_the_stream_lost_too(region
         assert source.feeds()[0]["dropped"] == 1
 
 
+def test_a_quiet_stream_keeps_its_connection_and_forgets_a_centre_that_ends(
+    region: Region, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from nats.errors import TimeoutError as OfNats
+    from nats.js import JetStreamContext
+
+    raised: list[type[Exception]] = []
+    fetch = JetStreamContext.PullSubscription.fetch
+
+    async def quiet(messages: Any, *args: Any, **kwargs: Any) -> Any:
+        if len(raised) < 6:
+            raised.append((TimeoutError, OfNats)[len(raised) % 2])
+            raise raised[-1]
+        return await fetch(messages, *args, **kwargs)
+
+    monkeypatch.setattr(JetStreamContext.PullSubscription, "fetch", quiet)
+    region.write(1)
+    with journal(region, f"{SERVER}/{name}") as published:
+        wait_for(lambda: published.published == 1)
+        found, _, feed = cycles(f"{SERVER}/{name}?name=north", {}, 1)
+    assert (len(found[0]), feed["connections"], feed["error"], len(raised)) == (VESSELS, 1, None, 6)
+    consumers = run_with_stream(lambda client: client.jetstream().consumers_info(f"coastwatch-{name}"))
+    assert not consumers
+
+
 @pytest.mark.parametrize(
     "text", ["nats://h:1", "nats://h:1/a.b", "nats://h:1/a/b", "nats://h:1/a?x=1", "ws://h:1?user=a", "tls://:1/a"]
 )

@@ -18,7 +18,6 @@ import nats
 from nats.aio.client import Client
 from nats.aio.msg import Msg
 from nats.errors import Error, NoServersError
-from nats.errors import TimeoutError as NothingCame
 from nats.js import JetStreamContext
 from nats.js.api import AckPolicy, ConsumerConfig, DeliverPolicy, StreamConfig
 from nats.js.errors import NotFoundError
@@ -139,19 +138,27 @@ class Subscription(Connection):
             except NotFoundError as error:
                 raise OSError(f"the server has no stream {stream_of(name)}: the region makes it") from error
             self.opened()
-            begun = begin is not None
-            while not self._ended.is_set():
-                if len(self._waiting) >= IN_FLIGHT:
-                    await asyncio.sleep(POLL_S / 10.0)
-                    continue
-                try:
-                    fetched = await messages.fetch(TOGETHER, timeout=POLL_S)
-                except NothingCame:
-                    if not client.is_connected:
-                        raise OSError("the connection is lost") from None
-                    continue
-                for message in fetched:
-                    begun = self._received(message, begun, newest)
+            try:
+                await self._take(client, messages, begin is not None, newest)
+            finally:
+                if client.is_connected and wanted.name is not None:
+                    with suppress(Error, OSError):
+                        await stream.delete_consumer(stream_of(name), wanted.name)
+
+    async def _take(self, client: Client, messages: JetStreamContext.PullSubscription, begun: bool, newest: str) -> None:
+        """Take what comes until the run ends. Args: begun, newest: as of `_received`. Raises: Error; OSError: the connection is lost."""
+        while not self._ended.is_set():
+            if len(self._waiting) >= IN_FLIGHT:
+                await asyncio.sleep(POLL_S / 10.0)
+                continue
+            try:
+                fetched = await messages.fetch(TOGETHER, timeout=POLL_S)
+            except TimeoutError:  # nats-py raises its own, or that of asyncio
+                if not client.is_connected:
+                    raise OSError("the connection is lost") from None
+                continue
+            for message in fetched:
+                begun = self._received(message, begun, newest)
 
     async def _first(self, stream: JetStreamContext) -> tuple[int | None, str]:
         """Where the stream goes on after the last cycle that is known, None: it is not there; and the newest run. Raises: Error."""
