@@ -9,7 +9,7 @@ from typing import NamedTuple
 from coastwatch.server.link import FeedState
 
 SILENT_S = 60.0
-"""A feed that has sent nothing for so long is a trouble."""
+"""A feed that has sent nothing, or to which nothing could be sent, for so long is a trouble."""
 
 
 class Trouble(NamedTuple):
@@ -40,3 +40,18 @@ def of_feeds(feeds: Sequence[FeedState], now_s: float) -> list[Trouble]:
             troubles += [Trouble("video", radar["name"], None, text + where, False) for text in radar["troubles"]]
         troubles += [Trouble("feed", feed["name"], None, text, False) for text in feed.get("troubles", ())]
     return troubles
+
+
+def of_outs(feeds: Sequence[FeedState], now_s: float) -> list[Trouble]:
+    """Feeds to other systems that are not connected, and to which nothing was sent for as long."""
+    return [
+        Trouble(
+            "feed",
+            feed["name"],
+            now_s - feed["silent_s"],
+            f"nothing has been sent for {feed['silent_s']:.0f} s" + (f": {feed['error']}" if feed["error"] else ""),
+            False,
+        )
+        for feed in feeds
+        if not feed["connected"] and feed["silent_s"] > SILENT_S
+    ]

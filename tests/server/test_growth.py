@@ -136,8 +136,8 @@ def test_times_of_stages_are_bounded_and_their_totals_are_of_all(monkeypatch: py
 def test_the_log_remembers_what_is_wrong_now_and_no_more() -> None:
     said: list[Trouble] = []
     feed = {"name": "north", "connected": True, "error": ""}
-    source = SimpleNamespace(error=lambda: None, feeds=lambda: [feed], counts=dict)
-    watch = Watch(SimpleNamespace(source=source, troubles=lambda: said))  # type: ignore[arg-type]
+    source = SimpleNamespace(error=lambda: None, counts=dict)
+    watch = Watch(SimpleNamespace(source=source, feeds=lambda: [feed], troubles=lambda: said))  # type: ignore[arg-type]
     for k in range(2_000):
         said[:] = [Trouble("feed", f"sender {k}", None, f"text {k}", False)]
         feed["error"] = f"error {k}"
@@ -207,8 +207,8 @@ def test_a_journal_survives_a_defect_and_a_database_that_is_away(monkeypatch: py
 
 def test_the_thread_of_the_log_survives_a_defect(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(logs, "POLL_S", 0.01)
-    source = SimpleNamespace(error=lambda: None, feeds=list, counts=dict)
-    watch = Watch(SimpleNamespace(source=source, troubles=list))  # type: ignore[arg-type]
+    source = SimpleNamespace(error=lambda: None, counts=dict)
+    watch = Watch(SimpleNamespace(source=source, feeds=list, troubles=list))  # type: ignore[arg-type]
     look, calls = fails_first(watch.look)
     monkeypatch.setattr(watch, "look", look)
     with watch:

@@ -18,7 +18,9 @@ from server_world import Served, wait_for
 from coastwatch.errors import AddressError
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.nmea.targets import TargetSentences
+from coastwatch.operators.api import logs
 from coastwatch.server.feeds.outgoing import OutFeed, parsed_out
+from coastwatch.server.troubles import SILENT_S
 
 pytestmark = pytest.mark.whole
 
@@ -96,6 +98,41 @@ def test_a_listener_that_comes_later_and_goes_is_found_again(served: Served) -> 
                 wait_for(lambda number=number: feed.connections == number)
             if number == 1:
                 wait_for(lambda: (feed.receive(served.service.picture()), not feed.connected)[1])
+
+
+def test_a_feed_without_listener_is_said_logged_once_and_counts_what_it_loses(
+    changing: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "coastwatch.serve")
+    service, watch = changing.service, logs.Watch(changing.service)
+    picture = service.picture()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    with OutFeed(parsed_out(f"cot+tcp://127.0.0.1:{port}")) as feed:
+        service.outs = (feed,)
+        name = feed.counters()["name"]
+        wait_for(lambda: feed.error and "refused" in feed.error)
+        for _ in range(3):
+            feed.receive(picture)
+            watch.look()
+        assert feed.counters()["dropped"] == 2 * len(picture)  # the newest still waits
+        feed.began_s -= SILENT_S + 1.0
+        (said,) = (row for row in changing.get("/readyz").json()["troubles"] if row["name"] == name)
+        assert (said["kind"], said["serious"]) == ("feed", False)
+        assert said["text"].endswith("refused")
+        with socket.create_server(("127.0.0.1", port)) as server:
+            taken, _ = server.accept()
+            with taken:
+                assert taken.recv(7) == b"<event "
+                watch.look()
+                assert not [trouble for trouble in service.troubles() if trouble.name == name]
+            wait_for(lambda: (feed.receive(picture), not feed.connected)[1])
+        watch.look()
+        watch.look()
+        assert feed.counters()["dropped"] > 2 * len(picture)
+    words = [record.message for record in caplog.records if getattr(record, "fields", {}).get("feed") == name]
+    assert words[:3] == ["Connection refused", "feed connected", "feed lost"]
+    assert words.count("feed connected") == words.count("feed lost") == 1
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from coastwatch.server import clock
 from coastwatch.server.input import Paced
 from coastwatch.server.link import FeedState, Link
 from coastwatch.server.live import SHOWN_S, LiveRun
-from coastwatch.server.troubles import SILENT_S, Trouble, of_feeds
+from coastwatch.server.troubles import SILENT_S, Trouble, of_feeds, of_outs
 
 pytestmark = pytest.mark.contract
 
@@ -33,6 +33,12 @@ def test_when_every_feed_is_silent_it_is_said_for_how_long_none_was_heard(names:
     assert first == Trouble("feed", "", NOW_S - 150.0, "no feed has been heard for 150 s", True)
     assert [(one.name, one.is_serious) for one in others] == [(name, False) for name in names]
     assert others[-1].text == f"nothing has come for {150 + 30 * (len(names) - 1)} s"
+
+
+def test_a_feed_to_others_is_said_where_it_has_no_connection_and_not_where_there_was_nothing_to_send() -> None:
+    (said,) = of_outs([feed("out north", 150.0, error="refused"), feed("out south", 3.0)], NOW_S)
+    assert said == Trouble("feed", "out north", NOW_S - 150.0, "nothing has been sent for 150 s: refused", False)
+    assert of_outs([{**feed("out north", 150.0), "connected": True}], NOW_S) == []
 
 
 def test_merged_cycles_are_said_for_a_while(monkeypatch: pytest.MonkeyPatch) -> None:

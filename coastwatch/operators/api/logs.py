@@ -93,7 +93,7 @@ class Watch:
         if error != self._error:
             LOG.log(logging.WARNING if self._began and error else logging.INFO, error or "pictures come")
             self._error, self._began = error, self._began or error is None
-        for feed in source.feeds():
+        for feed in self._service.feeds():
             name, connected, refusal = str(feed["name"]), bool(feed["connected"]), str(feed.get("error") or "")
             if connected != self._connected.get(name, False):
                 level = logging.INFO if connected else logging.WARNING

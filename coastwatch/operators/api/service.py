@@ -28,7 +28,7 @@ from coastwatch.server.live_video import LiveVideo
 from coastwatch.server.live_writer import NotYetStored
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import version
-from coastwatch.server.troubles import Trouble
+from coastwatch.server.troubles import Trouble, of_outs
 from coastwatch.store import Acknowledgement, Asked, Beginnings, Rows, Store
 from coastwatch.store.acknowledgements import SAME_START_S
 
@@ -164,7 +164,10 @@ class Service:
 
     def feeds(self) -> list[FeedState]:
         """The feeds with their counters."""
-        return [*self.source.feeds(), *(output.counters() for output in (*self.outs, *self.journals))]
+        return [*self.source.feeds(), *self._out_feeds()]
+
+    def _out_feeds(self) -> list[FeedState]:
+        return [output.counters() for output in (*self.outs, *self.journals)]
 
     @property
     def book(self) -> AlarmBook:
@@ -252,7 +255,8 @@ class Service:
 
     def troubles(self) -> list[Trouble]:
         """What an operator should know, the serious first."""
-        troubles = [*self.source.troubles(), *(trouble for ask in self.asked for trouble in ask())]
+        troubles = [*self.source.troubles(), *of_outs(self._out_feeds(), self.source.now_s())]
+        troubles += [trouble for ask in self.asked for trouble in ask()]
         about = self.source.about()
         if self.hub.picture is not None and self.source.live and about is not None:
             oldest_s = max(READY_WITHIN_S, READY_WITHIN_PERIODS * about.period_s)

@@ -305,6 +305,7 @@ def listen(service: Service, guard: Guard, options: Deployment, listener: socket
     service.webhooks = _webhooks(options)
     with ExitStack() as stack:
         service.outs = [stack.enter_context(OutFeed(address_out)) for address_out in _outs(options)]
+        stack.callback(setattr, service, "outs", ())  # feeds that end are not lost
         logs.say(f"coastwatch: {address}", address=address)
         server = server_of(application(service, guard), ssl_certfile=options.tls_cert, ssl_keyfile=options.tls_key)
 

@@ -1,7 +1,7 @@
 """The fused picture to other systems: Cursor on Target, NMEA TTM and TLL, or ASTERIX, over UDP or TCP.
 
 A feed keeps the newest picture only and sends at most `rate` messages a second. A vessel that has no turn before the next picture is
-counted, and the next picture begins with it: so each has its turn.
+counted, and the next picture begins with it: so each has its turn. So are those of pictures that nobody took in time.
 """
 
 from __future__ import annotations
@@ -88,7 +88,8 @@ class OutFeed(Link):
         if pictures is None:
             raise AddressError(f"out: got {address.text!r}, needed a format of {', '.join(PICTURES)}")
         self._encoder = pictures(OutSettings(address.site_deg))
-        self._newest: tuple[LivePicture, float] | None = None  # and the time between pictures
+        self._newest: tuple[LivePicture, float] | None = None  # not begun yet; and the time between pictures
+        self._lock = threading.Lock()  # of it and of what was skipped
         self._before_s, self._next = math.nan, 0
         self._wake, self._ended = threading.Event(), threading.Event()
 
@@ -104,7 +105,9 @@ class OutFeed(Link):
     def receive(self, picture: LivePicture) -> None:
         """Send this picture from now on. It may be called in any thread."""
         period_s = picture.time_s - self._before_s
-        self._newest = picture, period_s if period_s > 0.0 else FIRST_PERIOD_S
+        with self._lock:
+            self.skipped += len(self._newest[0]) if self._newest else 0
+            self._newest = picture, period_s if period_s > 0.0 else FIRST_PERIOD_S
         self._before_s = picture.time_s
         self._wake.set()
 
@@ -120,17 +123,23 @@ class OutFeed(Link):
             while not self._ended.is_set():
                 self._wake.wait()
                 self._wake.clear()
-                if self._newest is None:
+                with self._lock:
+                    newest, self._newest = self._newest, None
+                if newest is None:
                     continue
-                picture, period_s = self._newest
+                picture, period_s = newest
                 first = int(np.searchsorted(picture.array("vessel_id"), self._next))  # the vessel that is next
                 left = [*range(first, len(picture)), *range(first)]
-                while left and not self._wake.is_set():
-                    begun, rows, left = time.monotonic(), left[:together], left[together:]
-                    self._send_some(connection, self._encoder.messages(_vessels(picture, rows, period_s)))
-                    self._next = int(picture.array("vessel_id")[rows[-1]]) + 1
-                    self._ended.wait(max(begun + len(rows) / self.address.rate - time.monotonic(), 0.0))
-                self.skipped += len(left)
+                try:
+                    while left and not self._wake.is_set():
+                        begun, rows = time.monotonic(), left[:together]
+                        self._send_some(connection, self._encoder.messages(_vessels(picture, rows, period_s)))
+                        left = left[together:]
+                        self._next = int(picture.array("vessel_id")[rows[-1]]) + 1
+                        self._ended.wait(max(begun + len(rows) / self.address.rate - time.monotonic(), 0.0))
+                finally:
+                    with self._lock:
+                        self.skipped += len(left)
 
     def _send_some(self, connection: socket.socket, messages: Iterator[bytes]) -> None:
         some = list(messages)
