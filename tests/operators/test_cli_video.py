@@ -14,7 +14,9 @@ from server_world import wait_for
 from video_world import arrivals, captured, messages
 
 from coastwatch.operators.cli import main
+from coastwatch.operators.cli.arguments import RADAR, sensor
 from coastwatch.operators.cli.video import levels_of
+from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds import transport
 
 pytestmark = pytest.mark.whole
@@ -44,6 +46,10 @@ def test_a_capture_is_described_with_settings_that_can_be_used(tmp_path: Path, c
     assert [radar["name"] for radar in settings["radars"]] == ["radar-25-1", "radar-25-2"]
     assert settings["radars"][0]["rpm"] == pytest.approx(25.0, abs=0.1)
     assert settings["input"]["files"] == [f"video+file:{path}?25/1=radar-25-1&25/2=radar-25-2"]
+    spec = text.split("--radar '")[1].partition("'")[0]
+    given = sensor(RADAR)(spec.replace("LATITUDE", "54.0").replace("LONGITUDE", "12.0"))
+    shown = settings["radars"][0]
+    assert given == {name: given[name] if name.endswith("tude_deg") else shown[name] for name in shown}
 
 
 def test_a_feed_is_described_while_it_comes(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,3 +92,15 @@ def test_the_scale_of_levels_is_told_from_the_noise(step_db: float) -> None:
     cleaned = np.where(power > 3.0, 200, 0).astype(np.uint8)
     assert levels_of(cleaned).db_per_level is None
     assert levels_of(cleaned).zero_share == pytest.approx(1.0 - math.exp(-3.0), abs=0.01)
+
+
+@pytest.mark.parametrize("step_db", [0.0, 0.5, 2.0])
+@pytest.mark.parametrize("name", ["video-harbour", "heymann-table-1"])
+def test_neither_land_nor_a_blanked_sector_hides_the_scale_of_levels(name: str, step_db: float) -> None:
+    scenario = load_scenario(name, {"radars.0.db_per_level": step_db})
+    begin_s = scenario.plan().start_s
+    stream = scenario.input.load(scenario.sensors(), scenario.seed, scenario.plan()).reports
+    turn = np.concatenate([part.level for part in stream.between(begin_s - 1e-3, begin_s + 2.399).video.parts])
+    assert levels_of(turn).db_per_level == pytest.approx(step_db, rel=0.1)
+    blanked = np.where(np.arange(len(turn))[:, None] % 1024 < 300, 0, turn)
+    assert levels_of(blanked).db_per_level == pytest.approx(step_db, rel=0.1)

@@ -32,7 +32,9 @@ LEVEL_SPOKES = 4_096  # of a radar whose levels are looked at
 QUARTILES_DB = 6.83  # between the quartiles of noise of exponential power
 CLEANED = 0.5  # share of cells of level 0: the radar sends cleaned video
 SKEWNESS = 0.2  # of noise: over it levels are linear in amplitude, 0.63 there, -1.1 in decibels
-NOISE_CELLS = 30  # least, from which the scale is told
+NOISE_CELLS = 30  # and spokes, least, from which the scale is told
+BLOCK = 32  # spokes and cells that are looked at together
+BEAM_DEG, RPM = 1.0, 24.0  # where nothing tells them
 EXAMPLES = "turns.pcap, video+file:blocks.ast, video+udp://239.192.0.1:8600?interface=192.168.1.10"
 
 
@@ -129,19 +131,37 @@ def _surveyed(items: Iterable[Item], tally: Tally) -> tuple[dict[tuple[int, int]
 
 
 def levels_of(spokes: Array) -> Levels:
-    """What levels look like, and their scale, told from the noise in the far half of the range. Args: spokes: (S, C) uint8."""
-    zero_share, far = float((spokes == 0).mean()), spokes[:, spokes.shape[1] // 2 :].astype(np.float64)
+    """What levels look like, and their scale, told from noise in the far half of the range. Args: spokes: (S, C) uint8, in order."""
+    zero_share, far = float((spokes == 0).mean()), spokes[:, spokes.shape[1] // 2 :]
     scale = None
-    if zero_share < CLEANED and min(far.shape) >= NOISE_CELLS:
-        off = far - far.mean(axis=0)
-        sigma = np.sqrt((off**2).mean(axis=0))
-        good = sigma > 0.0
-        if good.sum() >= NOISE_CELLS:
-            skewness = float(np.median((off[:, good] ** 3).mean(axis=0) / sigma[good] ** 3))
-            quartiles = np.quantile(far[:, good], [0.25, 0.75], axis=0)
-            between = max(float((quartiles[1] - quartiles[0]).mean()), 0.1)
-            scale = 0.0 if skewness > SKEWNESS else float(f"{QUARTILES_DB / between:.2g}")
+    if zero_share < CLEANED and min(far.shape) >= NOISE_CELLS and len(noise := _noise_of(far)):
+        off = noise - noise.mean(axis=1, keepdims=True)
+        skewness = float(np.median((off**3).mean(axis=1) / noise.std(axis=1) ** 3))
+        between = max(float(np.median([_between_quartiles(block) for block in noise])), 0.1)
+        scale = 0.0 if skewness > SKEWNESS else float(f"{QUARTILES_DB / between:.2g}")
     return Levels(zero_share, int(spokes.max(initial=0)), float(spokes.mean()) if spokes.size else 0.0, scale)
+
+
+def _noise_of(far: Array) -> Array:
+    """The blocks that look most like noise alone, without land and ships: low levels that vary little. (B, N)
+
+    Of the blocks with the lower half of the means, those with the lower half of the deviations. A block without any is blanked.
+    """
+    rows, columns = (min(size, BLOCK) for size in far.shape)
+    spokes, cells = far.shape[0] // rows, far.shape[1] // columns
+    whole = far[: spokes * rows, : cells * columns].reshape(spokes, rows, cells, columns)
+    blocks = whole.swapaxes(1, 2).reshape(spokes * cells, rows * columns).astype(np.float64)
+    blocks = blocks[blocks.std(axis=1) > 0.0]
+    low = blocks[np.argsort(blocks.mean(axis=1), kind="stable")[: (len(blocks) + 1) // 2]]
+    quietest: Array = low[np.argsort(low.std(axis=1), kind="stable")[: (len(low) + 1) // 2]]
+    return quietest
+
+
+def _between_quartiles(block: Array) -> float:
+    """How far the quartiles of whole levels are apart, as if each level were spread evenly over its step."""
+    share = np.cumsum(np.bincount(block.astype(np.int64))) / len(block)
+    first, third = np.interp((0.25, 0.75), np.append(0.0, share), np.arange(len(share) + 1))
+    return float(third - first)
 
 
 def _told(text: str, radars: dict[tuple[int, int], _Radar], texts: dict[tuple[int, int], str], tally: Tally) -> Iterator[str]:
@@ -183,21 +203,26 @@ def _settings(text: str, radars: dict[tuple[int, int], _Radar]) -> Iterator[str]
         return
     yield ""
     yield "# settings to begin with: the position, beam and pulse of each radar are in its data sheet"
-    cleaned = False
+    cleaned, sites = False, list[str]()
     for key, radar in sorted(radars.items()):
         s, found = radar.joiner.state, levels_of(np.stack(radar.levels or [np.zeros(1, np.uint8)]))
         cleaned |= found.zero_share >= CLEANED
+        name, range_nm = f"radar-{key[0]}-{key[1]}", math.ceil(100.0 * s.range_m / NAUTICAL_MILE_M - 1e-6) / 100.0
+        is_turning, pulse_m = bool(s.turns) and s.period_s > 0.0, f"{max(45.0, 1.5 * s.cell_m):.0f}"
+        rpm = f"{60.0 / s.period_s if is_turning else RPM:.1f}"
         yield "[[radars]]"
-        yield f'name = "radar-{key[0]}-{key[1]}"'
+        yield f'name = "{name}"'
         yield "latitude_deg = 0.0 # of its antenna"
         yield "longitude_deg = 0.0 # of its antenna"
-        yield f"range_nm = {math.ceil(100.0 * s.range_m / NAUTICAL_MILE_M - 1e-6) / 100.0}"
-        yield f"rpm = {60.0 / s.period_s:.1f}" if s.turns and s.period_s > 0.0 else "rpm = 24.0 # not known yet"
-        yield "beam_deg = 1.0 # width at half power"
-        yield f"pulse_m = {max(45.0, 1.5 * s.cell_m):.0f} # length in range"
+        yield f"range_nm = {range_nm}"
+        yield f"rpm = {rpm}" + ("" if is_turning else " # not known yet")
+        yield f"beam_deg = {BEAM_DEG} # width at half power"
+        yield f"pulse_m = {pulse_m} # length in range"
         if found.db_per_level is not None:
             meaning = "levels are linear in amplitude" if found.db_per_level == 0.0 else "by the deviation of the noise"
             yield f"db_per_level = {found.db_per_level:g} # {meaning}"
+        step = "" if found.db_per_level is None else f",{found.db_per_level:g}"
+        sites.append(f"--radar '{name},LATITUDE,LONGITUDE,{range_nm},{rpm},,,{BEAM_DEG},{pulse_m}{step}'")
         yield ""
     yield "[extraction]"
     if cleaned:
@@ -217,5 +242,5 @@ def _settings(text: str, radars: dict[tuple[int, int], _Radar]) -> Iterator[str]
         path = Path(wire_file(text if "+file:" in text else f"video+file:{text}").path)
         yield f'files = ["video+file:{path}?{names}"]'
         yield ""
-        sites = [f"--radar 'radar-{sac}-{sic},LATITUDE,LONGITUDE,RANGE_NM,RPM'" for sac, sic in sorted(radars)]
-        yield f"# or: coastwatch fuse --video 'video+file:{path}?{names}' {' '.join(sites)}"
+        more = " --set extraction.method=absolute --set extraction.least_level=1" if cleaned else ""
+        yield f"# or: coastwatch fuse --video 'video+file:{path}?{names}' {' '.join(sites)}{more}"
