@@ -18,6 +18,7 @@ from coastwatch.formats.nmea.ais import AisDecoder
 from coastwatch.formats.nmea.sentence_feed import SentenceFeed, made_sentence
 from coastwatch.sensors.recorded.nmea import feed as nmea
 from coastwatch.sensors.recorded.nmea.feed import Nmea
+from coastwatch.sensors.recorded.tables.feed import Tables
 from coastwatch.stage import Plan
 
 pytestmark = pytest.mark.golden
@@ -130,6 +131,14 @@ def test_a_file_without_a_usable_record_says_what_was_refused(tmp_path: Path) ->
         Nmea(files=(write(tmp_path, ["time,mmsi"]),)).span()
     with pytest.raises(ValueError, match=r"1 half a line \(first at feed\.nmea:1\)"):
         Nmea(files=(write(tmp_path, ["!AIVDM,1,1,,A,33P;Tw0"]),)).span()
+    target = "$RATTM,01,0.25,190.8,T,12.1,109.7,T,0.1,0.5,N,TGT01,T,,100021.00,A"
+    lines = [target, target, target[:30], "$RAHDT,12.0,T", sentence()[0].partition("*")[0]]
+    with pytest.raises(
+        ValueError, match=r"2 without checksum \(first at feed\.nmea:1\); 1 half a line \(first at feed\.nmea:3\)"
+    ):
+        Tables(track_sentences=(write(tmp_path, lines),)).span()
+    with pytest.raises(ValueError, match=r"1 without checksum \(first at feed\.nmea:5\)"):
+        Nmea(files=(write(tmp_path, lines),)).span()
 
 
 def test_two_files_are_merged_in_order_of_arrival_and_cut_by_cycle(tmp_path: Path) -> None:

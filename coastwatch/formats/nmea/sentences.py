@@ -19,6 +19,7 @@ from coastwatch.formats.intake.timestamps import (
 )
 
 HALF_A_LINE = "half a line"
+NO_CHECKSUM = "without checksum"
 NOT_A_SENTENCE = "not a sentence"
 CHECKSUM = "checksum"
 TAG_CHECKSUM = "tag block checksum"
@@ -31,6 +32,11 @@ OF_OWN_SHIP = "position, motion and heading of own ship"
 
 REMEMBERED_GROUPS = 4096
 AIS_SENTENCES = (b"VDM", b"VDO")
+COMMAS = {
+    b"VDM": 6, b"VDO": 6, b"TTM": 13, b"TLL": 7, b"RMC": 11, b"GGA": 14, b"GLL": 6, b"VTG": 8, b"HDT": 2, b"THS": 2, b"OSD": 9,
+}  # fmt: skip
+"""Of a whole sentence, at least, by its formatter."""
+
 BACKSLASH, BANG = b"\\", b"!"
 BARE = b"!$"  # a line that starts with one of these has no prefix
 TAGGED = re.compile(rb"\\([^\\]+)\\(![^*!$\\]{2}([A-Z]{3}),[^*\\]*\*..)", re.DOTALL)
@@ -122,7 +128,8 @@ def wanted_sentences(
             continue
         star = rest.find(b"*")
         if star < 0 or len(rest) < star + 3:
-            tally.add(HALF_A_LINE, f"{name}:{number}", raw)
+            is_whole = star < 0 and rest.count(b",") >= COMMAS.get(rest[3:6].upper(), math.inf)
+            tally.add(NO_CHECKSUM if is_whole else HALF_A_LINE, f"{name}:{number}", raw)
             continue
         time_s = trailing_time_s(rest[star + 3 :]) if len(rest) > star + 3 else math.nan
         time_s = ahead.time_s if math.isnan(time_s) else time_s

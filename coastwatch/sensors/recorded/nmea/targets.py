@@ -58,9 +58,9 @@ def target_reports(
 
 
 def target_times(path: Path, assumed_s: float, intake: AisIntake, tally: Tally) -> Floats:
-    """Reception times of the targets in a file."""
+    """Reception times of the targets in a file. Lines that are no whole sentence are counted in the tally."""
     stamps: list[float] = []
-    for received in wanted_sentences(lines_of(path, Tally()), path.name, Tally(), TARGETS):
+    for received in wanted_sentences(lines_of(path, tally), path.name, tally, TARGETS):
         clock_s = received.clock_s if math.isnan(received.own_s) else received.own_s
         if math.isnan(clock_s) and not math.isnan(assumed_s):
             with suppress(Exception):  # counted when the file is read
