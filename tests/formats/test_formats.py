@@ -19,6 +19,7 @@ from coastwatch.formats.asterix.system_tracks import SAC, SIC
 from coastwatch.formats.decoding import FeedSettings
 from coastwatch.formats.format import Format, OutSettings, Vessels
 from coastwatch.formats.registry import DECODED, FORMATS, PICTURES
+from coastwatch.scenario.sites import TrackSource, sensors_of
 
 pytestmark = pytest.mark.contract
 
@@ -117,6 +118,21 @@ def test_system_tracks_are_read_back_by_the_decoder_of_the_house() -> None:
         found = tracks.covariance[order][row, :2, :2]
         assert np.allclose(found, true, atol=0.5 * 2.0 * given.major_m[row])  # of steps of half a metre
     assert np.isnan(tracks.covariance[order][3]).all()
+
+
+@pytest.mark.parametrize(
+    ("sources", "said"),
+    [
+        (2, "25/1; its address needs ?25/1=NAME with the name of a track source"),
+        (0, "25/1; the scenario has no track source"),
+    ],
+)
+def test_system_tracks_of_no_known_source_are_refused_with_what_the_address_needs(sources: int, said: str) -> None:
+    names = tuple(TrackSource(name=f"source {k}") for k in range(sources))
+    decoder = AsterixDecoder("x", sensors_of((), (), (), names), origins={})
+    decoder.decode([(NOW_S, datagram, 0) for datagram in datagrams(vessels())], None)
+    (fault,) = decoder.tally.faults()
+    assert (fault.count, fault.example) == (4, said)
 
 
 def test_system_tracks_are_what_the_tables_of_the_specification_say() -> None:

@@ -186,9 +186,10 @@ class AsterixDecoder:
     def _one(self, record: Any, category: int, arrived_s: float, about_s: float) -> Plot | tuple[int, Track] | None:
         """What a record holds; None: nothing that is used, which is counted."""
         identity, clock = record.get_item("010"), record.get_item(CLOCK[category])
-        origin = None if identity is None else self._origin(category, *(uint_of(identity, x) for x in ("SAC", "SIC")))
+        codes = None if identity is None else (uint_of(identity, "SAC"), uint_of(identity, "SIC"))
+        origin = None if codes is None else self._origin(category, *codes)
         if origin is None:
-            self.tally.add(UNKNOWN_RADAR, self._where, "no item 010" if identity is None else str(identity.as_uint()))
+            self.tally.add(UNKNOWN_RADAR, self._where, "no item 010" if codes is None else self._remedy(category, *codes))
             return None
         stamp_s = about_s if clock is None else self._instant_s(clock.variation.content.as_quantity("s"), about_s)
         time_s = self.stamps.time_s(stamp_s, arrived_s)
@@ -223,6 +224,13 @@ class AsterixDecoder:
         if category == 10:
             return Plot(radar, time_s, quantity_of(position, "RHO", "m"), quantity_of(position, "TH", "°"))
         return Plot(radar, time_s, quantity_of(position, "RHO", "NM") * NAUTICAL_MILE_M, quantity_of(position, "THETA", "°"))
+
+    def _remedy(self, category: int, sac: int, sic: int) -> str:
+        """What of the address would say whose these codes are."""
+        kind, named = ("track source", self._sensors.track_sources) if category == 62 else ("radar", self._sensors.radars)
+        if not len(named):
+            return f"{sac}/{sic}; the scenario has no {kind}"
+        return f"{sac}/{sic}; its address needs ?{sac}/{sic}=NAME with the name of a {kind}"
 
     def _origin(self, category: int, sac: int, sic: int) -> Origin | None:
         if self._origins:
