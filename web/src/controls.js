@@ -100,6 +100,17 @@ export function paintPage(name) {
   for (const [colour, value] of Object.entries(THEMES[name])) root.style.setProperty(`--${colour}`, css(value));
 }
 
+/**
+ * Whether a key is for the element that has the focus: what is typed into a field, and Space and Enter of a button. A slider
+ * has only its arrows, which are no keys of the page.
+ * @param {{tagName: string, type?: string}|null} control the nearest field, button or link; null: there is none
+ */
+export function takesKey(control, key) {
+  if (!control || (control.tagName === 'INPUT' && control.type === 'range')) return false;
+  const isPressed = ['BUTTON', 'SUMMARY', 'A'].includes(control.tagName) || (control.tagName === 'INPUT' && control.type === 'checkbox');
+  return !isPressed || key === ' ' || key === 'Enter';
+}
+
 /** Keys that work anywhere but in a field. */
 export function listenToKeys(app) {
   const keys = {
@@ -131,8 +142,7 @@ export function listenToKeys(app) {
     if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
     // Until the next drawing, keys still go to the button of a dialog that has just been closed.
     const target = event.target.closest('dialog:not([open])') ? document.body : event.target;
-    if (target.closest('input:not([type=checkbox]), select, textarea, dialog')) return;
-    if ([' ', 'Enter'].includes(event.key) && target.closest('button, summary, input, a')) return;
+    if (target.closest('dialog') || takesKey(target.closest('input, select, textarea, button, summary, a'), event.key)) return;
     const digit = /^Digit([1-9])$/.exec(event.code); // with Shift its character depends on the keyboard
     if (digit) {
       event.preventDefault();
