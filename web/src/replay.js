@@ -111,7 +111,7 @@ export class Replay {
     this.app.stateChanged();
   }
 
-  /** Fetches a picture. While one is on its way only the newest wish is kept. */
+  /** Fetches a picture. While one is on its way only the newest wish is kept. Of a time that is not kept there is none to show. */
   async #fetch(at) {
     this.#wanted = this.#asked = at;
     if (this.#busy) return;
@@ -125,7 +125,9 @@ export class Replay {
         this.picture.apply(bytes);
         this.app.pictureChanged();
       } catch (error) {
-        this.app.say(`Replay: ${error.message}`);
+        const isKept = ![400, 404].includes(error.status);
+        this.app.say(`Replay: ${error.message}${isKept ? '' : '. The picture is live again.'}`);
+        if (!isKept && this.at !== null) this.leave();
         break;
       }
     }
