@@ -214,6 +214,18 @@ def test_details_have_a_tag_and_one_vessel_says_why(served: Served) -> None:
     assert served.get("/api/v1/vessels/77777/decided").status_code == 404
 
 
+def test_the_status_says_whether_the_scenario_has_a_coastline(
+    served: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("coastwatch.operators.api.answers.scenarios_folder", lambda: tmp_path)
+    assert served.get("/api/v1/status").json()["coastline"] is False
+    folder = tmp_path / served.get("/api/v1/status").json()["scenario"]
+    folder.mkdir()
+    (folder / "coastline.geojson").write_text("{}", "utf-8")
+    assert served.get("/api/v1/status").json()["coastline"] is True
+    assert served.get("/api/v1/coastline").text == "{}"
+
+
 def test_health_metrics_and_lists(served: Served) -> None:
     assert served.get("/healthz").json() == {"status": "alive"}
     assert served.get("/readyz").json()["status"] == "ready"

@@ -177,7 +177,7 @@ class App {
     map.on('zoom', approximate);
     approximate();
     keepLand(map);
-    loadCoastline(map);
+    if (this.status?.coastline !== false) loadCoastline(map); // a browser says every 404 in its console
     const animate = () => {
       if (!document.hidden && this.picture.vessels) map.triggerRepaint();
       setTimeout(animate, drawEveryMs(map, this.software));

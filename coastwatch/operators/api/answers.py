@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import pathlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Literal, TypeVar, get_args
@@ -142,8 +143,13 @@ def parsed_span(start: str | None, end: str | None) -> tuple[float | None, float
 
 @router.get("/status")
 def status(request: Request, service: In) -> dict[str, object]:
-    """The run, its newest picture and its age, counts, troubles, and the role of who asks. `run_status` `died`: its process is gone."""
-    return {**service.status(), "role": request.state.role, "name": request.state.who}
+    """The run, its newest picture and its age, counts, troubles, and the role of who asks. `run_status` `died`: its process is gone.
+
+    `coastline`: whether the scenario has one of its own, for `/coastline`.
+    """
+    said = service.status()
+    coastline = _coastline_of(str(said["scenario"])) is not None
+    return {**said, "coastline": coastline, "role": request.state.role, "name": request.state.who}
 
 
 class Chosen(BaseModel):
@@ -430,10 +436,16 @@ def cycles(service: In) -> dict[str, object]:
 )
 def coastline(service: In) -> Response:
     """The coastline that comes with the scenario, as GeoJSON."""
-    path = scenarios_folder() / str(service.run_row()["scenario"]) / "coastline.geojson"
-    if path.parent.parent != scenarios_folder() or not path.is_file():
+    path = _coastline_of(str(service.run_row()["scenario"]))
+    if path is None:
         raise HTTPException(404, "the scenario has no coastline of its own")
     return Response(path.read_bytes(), media_type=TYPES["geojson"], headers={"Cache-Control": "max-age=3600"})
+
+
+def _coastline_of(scenario: str) -> pathlib.Path | None:
+    """The coastline that comes with a scenario; None: it has none."""
+    path = scenarios_folder() / scenario / "coastline.geojson"
+    return path if path.parent.parent == scenarios_folder() and path.is_file() else None
 
 
 def _page(request: Request, total: int, offset: int, limit: int) -> dict[str, str]:
