@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from coastwatch.errors import AddressError
+from coastwatch.server.link import reason_of
 from coastwatch.server.regions import message
-from coastwatch.server.regions.client import parsed_region
+from coastwatch.server.regions.client import _reason, parsed_region
 from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Incoming, LinkError, Outgoing, Position
 from coastwatch.server.regions.message import MessageError, RegionCycle, RegionTracks, decode, encode
 
@@ -128,3 +129,8 @@ def test_a_region_has_a_name() -> None:
     assert parsed_region("ws://a:1").name == "a:1"
     found = parsed_region("wss://a:1?name=north&token-file=t&ca-file=c")
     assert (found.name, found.token_file, found.ca_file, found.url) == ("north", "t", "c", "wss://a:1")
+
+
+def test_an_error_without_a_text_is_named_all_the_same() -> None:
+    assert reason_of(TimeoutError()) == "no answer in time"
+    assert (reason_of(OSError()), _reason(TimeoutError()), _reason(OSError("gone"))) == ("OSError", "TimeoutError", "gone")

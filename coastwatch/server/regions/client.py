@@ -191,4 +191,4 @@ def _reason(error: Exception) -> str | None:
         code = error.rcvd.code if error.rcvd else 1006
         return f"the region closed the connection: {CLOSED.get(code) or (error.rcvd and error.rcvd.reason) or code}"
     is_expected = isinstance(error, MessageError | OSError | InvalidHandshake | InvalidURI | TimeoutError)
-    return str(error) if is_expected else None
+    return (str(error) or type(error).__name__) if is_expected else None
