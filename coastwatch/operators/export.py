@@ -33,8 +33,8 @@ ALARMING = {"flags", "status", "verdict"}
 """Columns of a table that are red on a terminal, where they say other than GOOD."""
 
 GOOD = {"-", "finished", "running", "good", "coasting", "stationary"}
-KEYS = ("vessel_id", "track_id", "run")
-"""Columns that identify a row, if they are different in all."""
+KEYS = ("alarm_id", "vessel_id", "track_id")
+"""Columns that identify a row, if they are there and different in all."""
 
 INSTANT = "%Y-%m-%dT%H:%M:%S%.fZ"
 FORMULA = ("=", "+", "-", "@")
@@ -149,13 +149,16 @@ def as_vessel(vessel: Vessel, cut: Callable[[Rows], Rows] = lambda rows: rows) -
 
 
 def as_geojson(rows: Rows) -> str:
-    """A FeatureCollection: one point per row with an id, and the other columns as its properties. An absent value is null."""
+    """A FeatureCollection: one point per row, and the other columns as its properties. An absent value is null.
+
+    A feature has an id where a column of KEYS identifies the rows: the number of a row would be taken for a vessel's.
+    """
     _needs_position(rows, "GeoJSON")
     features = []
     for key, values in zip(_ids(rows), as_objects(rows), strict=True):
         position = [values.pop(LONGITUDE), values.pop(LATITUDE)]
         geometry = None if None in position else {"type": "Point", "coordinates": position}
-        features.append({"type": "Feature", "id": key, "geometry": geometry, "properties": values})
+        features.append({"type": "Feature", **key, "geometry": geometry, "properties": values})
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False) + "\n"
 
 
@@ -164,16 +167,16 @@ def as_gpx(rows: Rows) -> str:
     _needs_position(rows, "GPX")
     document = gpxpy.gpx.GPX()
     document.creator = "Coastwatch"
-    for key, values in zip(_ids(rows), as_objects(rows), strict=True):
+    for values in as_objects(rows):
         latitude, longitude, when = values.pop(LATITUDE), values.pop(LONGITUDE), values.pop("time_utc", None)
         if latitude is None or longitude is None:
             continue
-        name = values.get("name") or values.get("mmsi") or f"vessel {key}"
+        vessel = values.get("vessel_id")
+        name = values.get("name") or values.get("mmsi") or (None if vessel is None else f"vessel {vessel}")
         texts = {column: " ".join(value) if isinstance(value, list) else value for column, value in values.items()}
         about = ", ".join(f"{column} {text}" for column, text in texts.items() if text not in (None, ""))
-        point = gpxpy.gpx.GPXWaypoint(
-            latitude, longitude, time=_time(when), name=printable(str(name)), description=printable(about)
-        )
+        shown = None if name is None else printable(str(name))
+        point = gpxpy.gpx.GPXWaypoint(latitude, longitude, time=_time(when), name=shown, description=printable(about))
         document.waypoints.append(point)
     return str(document.to_xml()) + "\n"
 
@@ -228,13 +231,13 @@ def _needs_position(rows: Rows, form: str) -> None:
         raise InputError(f"{form} needs a position: columns {', '.join(rows.columns)} have no {' and no '.join(missing)}")
 
 
-def _ids(rows: Rows) -> list[object]:
-    """A value for each row that no other row has: of a column of KEYS, else its number."""
-    for c, name in enumerate(rows.columns):
-        values = [row[c] for row in rows.rows] if name in KEYS else []
-        if values and len(set(values)) == len(values):
-            return values
-    return list(range(1, len(rows.rows) + 1))
+def _ids(rows: Rows) -> list[dict[str, object]]:
+    """The `id` of each row: of the first column of KEYS that is different in all; none: there is no such column."""
+    for key in KEYS:
+        values = rows.column(key) if key in rows.columns else []
+        if values and len({value for value in values if not _absent(value)}) == len(values):
+            return [{"id": value} for value in values]
+    return [{}] * len(rows.rows)
 
 
 def _absent(value: object) -> bool:

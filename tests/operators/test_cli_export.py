@@ -4,7 +4,6 @@ import argparse
 import csv
 import io
 import json
-from collections import namedtuple
 from pathlib import Path
 from typing import IO
 
@@ -19,11 +18,11 @@ from coastwatch.operators.cli import arguments
 from coastwatch.operators.selection import selected
 from coastwatch.reproduction import html_report
 from coastwatch.spelling import printable
+from coastwatch.store import Rows
 from coastwatch.store.schema.database import writing
 
 pytestmark = pytest.mark.contract
 
-Rows = namedtuple("Rows", ["columns", "rows"])
 SHIPS = Rows(
     ("vessel_id", "latitude_deg", "longitude_deg", "mmsi", "name"),
     [(1, -22.9, -43.1, "002320001", 'A "B", C'), (23, 10.5, 179.9, None, None), (4, float("nan"), float("nan"), None, "D")],
@@ -179,6 +178,9 @@ def test_gpx_has_a_waypoint_for_each_position_and_a_track_for_a_history() -> Non
 
     points = gpxpy.parse(export.as_gpx(SHIPS)).waypoints
     assert [(p.latitude, p.longitude, p.name) for p in points] == [(-22.9, -43.1, 'A "B", C'), (10.5, 179.9, "vessel 23")]
+    alarms = Rows(("vessel_id", "latitude_deg", "longitude_deg"), [(45, 1.0, 2.0), (45, 1.0, 3.0), (None, 1.0, 4.0)])
+    assert [p.name for p in gpxpy.parse(export.as_gpx(alarms)).waypoints] == ["vessel 45", "vessel 45", None]
+    assert [feature.get("id") for feature in json.loads(export.as_geojson(alarms))["features"]] == [None] * 3
     path = Rows(("time_utc", "latitude_deg", "longitude_deg"), [("2025-06-01T12:00:00.000Z", 1.0, 2.0)] * 2)
     (track,) = gpxpy.parse(export.as_gpx_track("SHIP", [path, path])).tracks
     assert (track.name, [len(segment.points) for segment in track.segments]) == ("SHIP", [2, 2])
