@@ -103,7 +103,7 @@ class NamedFeed(Settings):
 
     def address(self, folder: Path) -> str:
         """The URL with its name, and with files relative to a folder."""
-        parts = urlsplit(self.url)
+        parts = urlsplit(self.url, allow_fragments=False)  # as feeds read it
         options = parse_qsl(parts.query)
         if any(key in FILES for key, _ in options):
             options = [(key, str(folder / value) if key in FILES else value) for key, value in options]

@@ -137,6 +137,7 @@ def test_the_signature_is_that_of_openssl() -> None:
     ("hook", "said"),
     [
         (WebHook("ftp://a/b"), "needed an address such as https://host/path"),
+        (WebHook("https://a/b#c"), "webhook a: got .#. in its address"),
         (WebHook("https://a:1/b?key=hidden", ("drak",)), "webhook a:1: kinds: got 'drak', needed some of dark"),
     ],
 )

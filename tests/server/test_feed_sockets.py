@@ -23,6 +23,7 @@ from server_world import wait_for
 
 from coastwatch.errors import AddressError
 from coastwatch.operators.cli.serving import bound
+from coastwatch.server.deployment import NamedFeed
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.sending import _Datagrams
 from coastwatch.server.feeds.transport import LONGEST_LINE, Inbox, _read_stream, _subscribed
@@ -49,6 +50,12 @@ def test_each_wait_is_twice_the_one_before_up_to_the_longest(failures: int, wait
         "ais+tcp://x:99999",
         "ais+mqtt://x",
         "asterix+mqtt://x/topic",
+        "ais+mqtt://x/a/#/b",
+        "ais+mqtt://x/a/b#",
+        "ais+mqtt://x/a+/b",
+        "ais+mqtt://x/a%00",
+        "ais+tcp://x:1#y",
+        "ais+udp://:1/y",
         "asterix+udp://239.192.0.1:8600?interface=north",
         "asterix+udp://127.0.0.1:8600?interface=127.0.0.1",
     ],
@@ -56,6 +63,27 @@ def test_each_wait_is_twice_the_one_before_up_to_the_longest(failures: int, wait
 def test_an_address_of_no_feed_is_refused(text: str) -> None:
     with pytest.raises(AddressError, match="needed"):
         parsed(text)
+
+
+@pytest.mark.parametrize(
+    ("path", "topic"),
+    [
+        ("coast/#", "coast/#"),
+        ("#", "#"),
+        ("/coast/#", "/coast/#"),
+        ("+/ais/", "+/ais"),
+        ("a%23", ""),
+        ("coast%2F%23?user=me", "coast/#"),
+    ],
+)
+def test_a_topic_has_the_wildcards_of_its_address(path: str, topic: str) -> None:
+    if topic:
+        assert parsed(f"ais+mqtt://x/{path}").path == topic
+        assert parsed(NamedFeed(name="n", url=f"ais+mqtt://x/{path}").address(Path())).path == topic
+    else:
+        with pytest.raises(AddressError, match="'#' alone at the end"):
+            parsed(f"ais+mqtt://x/{path}")
+    assert parsed("ais+file:///logs/a#1.nmea").path == "/logs/a#1.nmea"
 
 
 @pytest.mark.parametrize("end", [b"", b"\n"])

@@ -146,6 +146,7 @@ def test_a_feed_without_listener_is_said_logged_once_and_counts_what_it_loses(
         "ttm+udp://x:1?site=91,0",
         "cot+udp://x:1?rate=0",
         "cot+udp://x:1?a=b",
+        "cot+udp://x:1#y",
     ],
 )
 def test_an_address_to_which_nothing_can_be_sent_is_refused(text: str) -> None:

@@ -30,6 +30,8 @@ def checked(hook: WebHook) -> WebHook:
     """The hook, if it can work. Raises: InputError."""
     if urlsplit(hook.url).scheme not in ("http", "https") or not hook.name:
         raise InputError(f"webhook: got {hook.name or hook.url[:40]!r}, needed an address such as https://host/path")
+    if "#" in hook.url:  # HTTP sends nothing of what is behind it
+        raise InputError(f"webhook {hook.name}: got '#' in its address, needed %23 for one that is meant")
     unknown = [kind for kind in hook.kinds if kind not in ALARM_KINDS]
     if unknown:
         raise InputError(f"webhook {hook.name}: kinds: got {unknown[0]!r}, needed some of {', '.join(ALARM_KINDS)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from ipaddress import AddressValueError, IPv4Address
 from urllib.parse import parse_qsl, unquote, urlsplit
@@ -9,6 +10,7 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 from coastwatch.errors import AddressError
 from coastwatch.formats.decoding import FeedSettings, OptionError
 from coastwatch.formats.registry import DECODED, FORMATS, check_options
+from coastwatch.spelling import ONE_LINE
 
 TRANSPORTS = ("tcp", "listen", "udp", "file", "mqtt", "mqtts")
 MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
@@ -61,7 +63,7 @@ class Address:
 
 def parsed(text: str) -> Address:
     """The feed of an address such as ais+tcp://127.0.0.1:10110?name=north. Raises: AddressError."""
-    parts = urlsplit(text)
+    parts = urlsplit(text, allow_fragments=False)  # '#' is of a topic or of the name of a file
     format_, _, transport = parts.scheme.partition("+")
     if format_ not in DECODED or transport not in TRANSPORTS:
         raise AddressError(
@@ -84,13 +86,15 @@ def parsed(text: str) -> Address:
         port = parts.port or MQTT_PORTS.get(transport) if parts.port != 0 else 0
     except ValueError:
         port = None
-    if transport in MQTT_PORTS and not (parts.hostname and parts.path.strip("/")):
+    if transport in MQTT_PORTS and not (parts.hostname and unquote(parts.path).strip("/")):
         raise AddressError(f"feed: got {text!r}, needed host and topic, e.g. ais+mqtt://broker:1883/coast/ais")
     if port is None or (not parts.hostname and transport == "tcp"):
         raise AddressError(f"feed: got {text!r}, needed host and port, e.g. {EXAMPLES}")
     if FORMATS[format_].in_datagrams and transport != "udp":
         raise AddressError(f"feed: got {text!r}, needed {format_}+udp: {format_.upper()} comes in datagrams")
-    path = unquote(parts.path).strip("/") if transport in MQTT_PORTS else ""
+    path = _topic(text, parts.path) if transport in MQTT_PORTS else ""
+    if transport not in MQTT_PORTS and parts.path not in ("", "/"):
+        raise AddressError(f"feed: got {parts.path} behind the host in {text!r}, needed nothing there but options behind '?'")
     interface = options.pop("interface", "")
     address = Address(text, format_, transport, parts.hostname or "127.0.0.1", port, path, options, interface)
     if interface and (not address.is_group or _ipv4(interface) is None):
@@ -99,6 +103,23 @@ def parsed(text: str) -> Address:
             f"{format_}+udp://239.192.0.1:8600?interface=192.168.1.10"
         )
     return address
+
+
+def _topic(text: str, path: str) -> str:
+    """The topic filter of MQTT in the path of an address. Raises: AddressError where a broker would refuse it."""
+    topic = unquote(path).removeprefix("/").rstrip("/")
+    *before, last = topic.split("/")
+    if (
+        "#" in "".join(before)
+        or ("#" in last and last != "#")
+        or any("+" in level and level != "+" for level in (*before, last))
+    ):
+        raise AddressError(
+            f"feed: got the topic {topic!r} in {text!r}, needed '+' alone between slashes and '#' alone at the end, e.g. coast/+/ais/#"
+        )
+    if not re.match(ONE_LINE, topic):
+        raise AddressError(f"feed: got the topic {topic!r} in {text!r}, needed text without control characters")
+    return topic
 
 
 def _ipv4(text: str) -> IPv4Address | None:

@@ -49,7 +49,7 @@ class OutAddress:
 
 def parsed_out(text: str) -> OutAddress:
     """The address of cot+udp://239.2.3.1:6969 or ttm+udp://HOST:PORT?site=LAT,LON&rate=200. Raises: AddressError."""
-    parts = urlsplit(text)
+    parts = urlsplit(text, allow_fragments=False)
     format_, _, transport = parts.scheme.partition("+")
     options = dict(parse_qsl(parts.query, keep_blank_values=True))
     if format_ in PICTURES and (unknown := sorted(set(options) - {"rate", "site"})):
@@ -64,7 +64,7 @@ def parsed_out(text: str) -> OutAddress:
     except ValueError:
         port, rate, site = 0, 0.0, None
     is_usable = format_ in PICTURES and transport in TRANSPORTS
-    if not is_usable or not parts.hostname or not port or not 0.1 <= rate <= 1e5:
+    if not is_usable or not parts.hostname or not port or parts.path not in ("", "/") or not 0.1 <= rate <= 1e5:
         raise AddressError(
             f"out: got {text!r}, needed FORMAT+TRANSPORT://HOST:PORT with FORMAT one of {', '.join(PICTURES)}, TRANSPORT udp or tcp, and "
             f"rate=N behind '?' from 0.1 to 100000 messages a second, e.g. {EXAMPLES}"

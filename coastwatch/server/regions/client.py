@@ -57,7 +57,7 @@ def parsed_region(text: str) -> RegionAddress:
 
     Raises: AddressError.
     """
-    parts = urlsplit(text)
+    parts = urlsplit(text, allow_fragments=False)
     of_stream = parts.scheme in STREAM_SCHEMES
     options, stream = dict(parse_qsl(parts.query, keep_blank_values=True)), parts.path.strip("/") if of_stream else ""
     try:
