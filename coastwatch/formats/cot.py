@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from xml.sax.saxutils import quoteattr
 
-from coastwatch.formats.format import Format, Vessels
+from coastwatch.formats.format import Format, Vessels, rounded_deg
 from coastwatch.geodesy import NAUTICAL_MILE_M
 
 STALE_CYCLES = 3
@@ -29,7 +29,7 @@ class CursorOnTarget:
             call = name or (f"{mmsi:09d}" if mmsi >= 0 else f"vessel {vessel}")
             moving = ""
             if math.isfinite(sog) and math.isfinite(cog):
-                moving = f'<track course="{cog:.1f}" speed="{sog * NAUTICAL_MILE_M / 3600.0:.2f}"/>'
+                moving = f'<track course="{rounded_deg(cog, 1):.1f}" speed="{sog * NAUTICAL_MILE_M / 3600.0:.2f}"/>'
             yield (
                 f'<event version="2.0" uid="coastwatch-{vessels.run_id}-{vessel}" type="a-u-S-X" how="m-f" time="{now}" '
                 f'start="{now}" stale="{stale}"><point lat="{latitude:.7f}" lon="{longitude:.7f}" hae="{UNKNOWN}" ce="{ce:.1f}" '

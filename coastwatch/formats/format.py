@@ -52,6 +52,11 @@ NAMED_BY_CODES = "SAC/SIC"
 """An option of ASTERIX: the name of a radar or a track source, by the numbers of its system area and its code."""
 
 
+def rounded_deg(degrees: float, digits: int) -> float:
+    """A course or bearing with so many decimals, from 0 to under 360: 359.96 with one is 0, which 360.0 would not be to all."""
+    return round(degrees, digits) % 360.0
+
+
 def line_length(data: bytes, begin: int) -> int:
     """As `Format.length`, of a line with its end."""
     return data.find(b"\n", begin) + 1 - begin

@@ -5,15 +5,29 @@ from __future__ import annotations
 import inspect
 import math
 import pkgutil
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pyais import NMEAMessage
 from system_track_bytes import system_track
 
 import coastwatch.formats
-from coastwatch.batches import AzimuthReference, Radars, Reports, Sensors, Sonars, Stations, TrackSources
+from coastwatch.batches import (
+    AisReports,
+    AzimuthReference,
+    HeadingReports,
+    RadarReports,
+    Radars,
+    Reports,
+    Sensors,
+    Sonars,
+    Stations,
+    TrackSources,
+)
+from coastwatch.errors import InputError
 from coastwatch.formats.asterix.decoder import AsterixDecoder, Origin
 from coastwatch.formats.asterix.system_tracks import SAC, SIC
 from coastwatch.formats.decoding import FeedSettings
@@ -149,6 +163,48 @@ def test_system_tracks_are_what_the_tables_of_the_specification_say() -> None:
     assert found[2].root_covariance_m is not None
     assert found[2].root_covariance_m < 0.0
     assert found[3].sigma_m is None
+
+
+def test_midnight_and_north_are_0_in_every_format() -> None:
+    midnight, north = 86_400.0 * 20_000, 359.96  # day 20,000
+    given = vessels(cog_deg=np.full(4, north), sog_kn=np.full(4, 10.0))
+    last = replace(given, time_s=midnight - 0.001)
+    assert {system_track(data).of_day_s for data in datagrams(last)} == {0.0}
+    for name, course in (("cot", b'course="0.0"'), ("ttm", b",10.0,0.0,T,")):
+        pictures = FORMATS[name].pictures
+        assert pictures is not None
+        assert all(course in message for message in pictures(OutSettings((50.0, -1.0))).messages(given)), name
+    one, zero, place = np.array([north]), np.zeros(1, np.int64), np.array([[50.0, -1.0]])
+    when = np.array([midnight - 0.001])
+    ais = AisReports(when, when, np.array([235_000_001]), place, np.array([10.0]), one, np.array([False]))
+    line = encoded("ais", replace(Reports.empty(), ais=ais))
+    assert NMEAMessage(line.rpartition(b"\\")[2]).decode().course == 0.0
+    headings = HeadingReports(zero, when, when, one + 0.036)
+    assert b"HDT,0.00,T" in encoded("heading", replace(Reports.empty(), headings=headings))
+
+
+@pytest.mark.parametrize(("range_nm", "of_day_s"), [(1.0, 86_399.999), (255.996, 1.0), (256.0, 1.0)])
+def test_a_plot_is_sent_where_and_when_it_is_or_refused(range_nm: float, of_day_s: float) -> None:
+    when, metres = np.array([86_400.0 * 20_000 + of_day_s]), np.array([range_nm * 1852.0])
+    zero, site = np.zeros(1, np.int64), np.zeros((1, 2))
+    plots = replace(Reports.empty(), radar=RadarReports(zero, when, when, metres, np.array([359.999]), site, zero))
+    if range_nm >= 256.0:
+        with pytest.raises(InputError, match=r"radar 1: got a range of 256\.0 NM, needed at most 255\.996"):
+            encoded("asterix", plots)
+        return
+    data = encoded("asterix", plots)  # 3 octets of the block, 1 of what is there, 2 of the source, 3 of the time
+    assert int.from_bytes(data[6:9], "big") == round(of_day_s * 128) % (86_400 * 128)
+    assert int.from_bytes(data[10:12], "big") == round(range_nm * 256)
+    assert int.from_bytes(data[12:14], "big") == 0  # of 360 degrees
+    decoder = AsterixDecoder("x", sensors(), origins={})
+    decoder.decode([(float(when[0]), data, 0)], None)
+    assert decoder.reports_between(-math.inf, math.inf).radar.time_s == pytest.approx(when, abs=1 / 128)
+
+
+def encoded(name: str, reports: Reports) -> bytes:
+    encode = FORMATS[name].encode
+    assert encode is not None
+    return encode(reports, {"plot": np.array(["ship"])})[0]
 
 
 def test_a_vessel_keeps_its_track_number_while_others_come_and_go() -> None:

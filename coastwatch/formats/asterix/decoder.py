@@ -18,7 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch.batches import Floats, RadarReports, Radars, Reports, Sensors, TrackReports
-from coastwatch.formats.asterix.system_tracks import SystemTracks
+from coastwatch.errors import InputError
+from coastwatch.formats.asterix.system_tracks import DAY_S, SystemTracks, time_of_day_s
 from coastwatch.formats.asterix.tracks import Track, quantity_of, reports_of, track_of, uint_of
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
 from coastwatch.formats.format import NAMED_BY_CODES, Format, SensorNames
@@ -35,8 +36,8 @@ CLOCK = {48: "140", 34: "030", 10: "140", 62: "070"}
 """Item with the time of day, by category."""
 
 TARGET_REPORT = 1  # message type of CAT 010
-DAY_S = 86_400.0
 SAC = 25  # of what is sent from here
+LARGEST_RANGE_NM = 65_535 / 256.0  # for which item 040 has room
 
 
 class Plot(NamedTuple):
@@ -260,7 +261,10 @@ def nearest_s(of_day_s: float, about_s: float) -> float:
 
 
 def datagrams(reports: RadarReports, most_plots: int = 40) -> Iterator[bytes]:
-    """CAT 048 datagrams of plots, of one radar each, in order. SIC is the number of the radar from 1 on."""
+    """CAT 048 datagrams of plots, of one radar each, in order. SIC is the number of the radar from 1 on.
+
+    Raises: InputError: a range for which item 040 has no room.
+    """
     kind = _library().kinds[48]
     start = np.flatnonzero(np.append(True, np.diff(reports.sensor) != 0)[: len(reports)]).tolist()
     for begin, end in pairwise([*start, len(reports)]):
@@ -271,10 +275,15 @@ def datagrams(reports: RadarReports, most_plots: int = 40) -> Iterator[bytes]:
 
 def _record(kind: Any, reports: RadarReports, row: int) -> Any:
     range_nm, azimuth = float(reports.range_m[row]) / NAUTICAL_MILE_M, float(reports.azimuth_deg[row]) % 360.0
+    if not range_nm <= LARGEST_RANGE_NM:
+        raise InputError(
+            f"plots of radar {int(reports.sensor[row]) + 1}: got a range of {range_nm:.1f} NM, needed at most {LARGEST_RANGE_NM:.3f} NM: "
+            "CAT 048 has no room for more"
+        )
     return kind.cv_record.create(
         {
             "010": (("SAC", SAC), ("SIC", int(reports.sensor[row]) + 1)),
-            "140": (float(reports.time_s[row]) % DAY_S, "s"),
+            "140": (time_of_day_s(float(reports.time_s[row])), "s"),
             "020": ((("TYP", 1), 0, 0, 0, 0, 0, None),),
             "040": (("RHO", (range_nm, "NM")), ("THETA", (azimuth, "°"))),
         }

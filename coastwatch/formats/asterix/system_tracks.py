@@ -13,7 +13,7 @@ from coastwatch.formats.format import OutSettings, Vessels
 from coastwatch.formats.target_numbers import TargetNumbers
 from coastwatch.geodesy import KNOT_M_S
 
-DAY_S = 86_400.0
+DAY_S, STEPS = 86_400.0, 128  # of a second
 SAC, SIC = 25, 1  # of this system
 NUMBERS = 1 << 16  # that item 040 has room for
 LARGEST_SIGMA_M = 16_383.0  # for which item 500 has room, with the sign of a covariance
@@ -40,13 +40,18 @@ class SystemTracks:
                 yield generated.Cat_062_1_20.create([record]).unparse().to_bytes()
 
 
+def time_of_day_s(time_s: float) -> float:
+    """The time of day in steps of 1/128 s, from 0 to under a day: a moment before midnight is midnight, not 24 h."""
+    return round(time_s % DAY_S * STEPS) % (DAY_S * STEPS) / STEPS
+
+
 def _items(vessels: Vessels, row: int, number: int) -> dict[str, Any]:
     """The items of the record of a vessel. What is not known is left out."""
     latitude, longitude = vessels.position_deg[row].tolist()
     items: dict[str, Any] = {
         "010": (("SAC", SAC), ("SIC", SIC)),
         "040": number,
-        "070": (vessels.time_s % DAY_S, "s"),
+        "070": (time_of_day_s(vessels.time_s), "s"),
         "080": ((("MON", 0), 0, 0, 0, 0, 0, None),),
         "105": (("LAT", (latitude, "°")), ("LON", (longitude, "°"))),
     }

@@ -13,7 +13,7 @@ import numpy as np
 from coastwatch.batches import AisReports, AisStatics, Bools, Floats, Ints, Reports
 from coastwatch.formats import decoding
 from coastwatch.formats.decoding import FAR_AHEAD_S, Counts, Item, Newest, Stamps
-from coastwatch.formats.format import Format, SensorNames
+from coastwatch.formats.format import Format, SensorNames, rounded_deg
 from coastwatch.formats.intake.ais_validation import DUPLICATE, Acceptance, AisIntake, AisRows, StaticRows
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import repeated
@@ -232,7 +232,7 @@ def _position_lines(reports: AisReports) -> Iterator[bytes]:
             "lat": latitude,
             "lon": longitude,
             "speed": NO_SPEED if math.isnan(sog) else min(sog, 102.2),
-            "course": NO_COURSE if math.isnan(cog) else cog % 360.0,
+            "course": NO_COURSE if math.isnan(cog) else rounded_deg(cog, 1),
             "heading": NO_HEADING if math.isnan(heading[k]) else round(heading[k]) % 360,
             "second": int(time_s) % 60,
         }

@@ -9,7 +9,7 @@ import numpy as np
 
 from coastwatch.batches import AzimuthReference, HeadingReports, Ints, Radars, Reports
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
-from coastwatch.formats.format import Format, SensorNames
+from coastwatch.formats.format import Format, SensorNames, rounded_deg
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.nmea.sentence_feed import SentenceFeed, has_numbers, made_sentence, parsed_sentence
 
@@ -87,7 +87,7 @@ def encode(reports: Reports, names: SensorNames) -> list[bytes]:
     ):
         source = "".join(c for c in str(radar[k]) if c.isalnum())[:15]
         tag = made_sentence(f"s:{source},c:{math.floor(1000.0 * time_s + 0.5)}", "\\")
-        lines.append(f"{tag}\\{made_sentence(f'HEHDT,{heading % 360.0:.2f},T')}".encode())
+        lines.append(f"{tag}\\{made_sentence(f'HEHDT,{rounded_deg(heading, 2):.2f},T')}".encode())
     return lines
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from coastwatch.batches import Floats, Reports, TrackReports, TrackSources
 from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
-from coastwatch.formats.format import Format, OutSettings, Vessels
+from coastwatch.formats.format import Format, OutSettings, Vessels, rounded_deg
 from coastwatch.formats.intake.ais_validation import LATITUDE, LONGITUDE
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
@@ -286,8 +286,8 @@ class TargetEncoder:
                 f"CWTLL,{number:02d},{_angle(place[0], 'N', 'S', 2)},{_angle(place[1], 'E', 'W', 3)},{name},{clock},T,"
             )
         east, north = difference_m(place, np.array(self._site)).tolist()
-        miles, bearing = math.hypot(east, north) / NAUTICAL_MILE_M, math.degrees(math.atan2(east, north)) % 360.0
-        motion_fields = f"{motion[0]:.1f},{motion[1]:.1f},T" if math.isfinite(motion[0] + motion[1]) else ",,"
+        miles, bearing = math.hypot(east, north) / NAUTICAL_MILE_M, rounded_deg(math.degrees(math.atan2(east, north)), 2)
+        motion_fields = f"{motion[0]:.1f},{rounded_deg(motion[1], 1):.1f},T" if math.isfinite(motion[0] + motion[1]) else ",,"
         return _line(f"CWTTM,{number:02d},{miles:.3f},{bearing:.2f},T,{motion_fields},,,N,{name},T,,{clock},A")
 
 
