@@ -34,6 +34,7 @@ WANTED: dict[str, str] = {
     "finite_number": "a finite number",
     **dict.fromkeys(("bool_type", "bool_parsing"), "true or false"),
     "string_type": "text",
+    "string_unicode": "text without lone surrogates",
     "path_type": "a path",
     **dict.fromkeys(("tuple_type", "list_type"), LIST),
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), TABLE),

@@ -233,6 +233,20 @@ def test_a_wrong_file_of_tokens_is_refused(tmp_path: Path, text: str) -> None:
         read(path)
 
 
+@pytest.mark.parametrize("name", ["", 65 * "a", "a\nb", "a\x1b[2Jb", "a\x7f", "\udc80"])
+def test_a_name_that_the_file_cannot_hold_is_refused_and_not_written(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "tokens.toml"
+    with pytest.raises(InputError, match=r"name: got .*, needed "):
+        add(path, name, "viewer", None)
+    assert not path.exists()
+    add(path, 'Zo\xeb "\U0001f600" \\', "viewer", None)
+    before = path.read_bytes()
+    with pytest.raises(InputError, match=r"name: got .*, needed "):
+        add(path, name, "viewer", None)
+    assert path.read_bytes() == before
+    assert [token.name for token in read(path)] == ['Zo\xeb "\U0001f600" \\']
+
+
 def test_a_used_port_is_refused_before_anything_starts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as held:
         port = held.getsockname()[1]

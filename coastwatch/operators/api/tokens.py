@@ -17,8 +17,9 @@ from typing import Annotated, Literal
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from coastwatch.errors import InputError
-from coastwatch.scenario.refusing import sentence
+from coastwatch.scenario.refusing import refusals, sentence
 from coastwatch.server.troubles import Trouble
+from coastwatch.spelling import ONE_LINE
 
 ROLES = ("viewer", "operator", "admin")
 """Each may do what those before it may."""
@@ -59,6 +60,12 @@ class Token(BaseModel):
     def is_valid(self) -> bool:
         """Whether it has not expired."""
         return self.expires_utc is None or self.expires_utc > datetime.now(UTC)
+
+
+class _NewToken(Token):
+    """One that is added. Files of before may hold what is refused here."""
+
+    name: Annotated[str, Field(min_length=1, max_length=64, pattern=ONE_LINE)]
 
 
 class _File(BaseModel):
@@ -131,11 +138,19 @@ def read(path: Path) -> tuple[Token, ...]:
 
 
 def add(path: Path, name: str, role: str, expires_s: float | None) -> str:
-    """Add a token to a file that only its owner may read. Returns: the token, which is not kept. Raises: InputError, OSError."""
+    """Add a token to a file that only its owner may read. Returns: the token, which is not kept.
+
+    Raises: InputError, OSError; nothing is written then.
+    """
     if path.exists() and any(token.name == name for token in read(path)):
         raise InputError(f"{path}: got the name {name!r} again, needed a new one; delete its [[tokens]] to replace it")
     text = secrets.token_urlsafe(TOKEN_BYTES)
-    rows = ["", "[[tokens]]", f"name = {json.dumps(name)}", f'role = "{role}"', f'sha256 = "{_digest(text)}"']
+    try:
+        _NewToken.model_validate({"name": name, "role": role, "sha256": _digest(text)})
+    except ValidationError as error:
+        raise InputError("; ".join(refusals(error, _NewToken))) from None
+    quoted = json.dumps(name, ensure_ascii=False)
+    rows = ["", "[[tokens]]", f"name = {quoted}", f'role = "{role}"', f'sha256 = "{_digest(text)}"']
     if expires_s is not None:
         rows.append(f"expires_utc = {datetime.fromtimestamp(expires_s, UTC).isoformat()}")
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600), "a", encoding="utf-8") as file:
