@@ -193,10 +193,23 @@ def test_a_method_that_a_path_does_not_have_is_refused_and_what_is_no_path_is_no
         for path in ("zones/abc", "zones/1.5", "nothing"):
             answer = httpx.delete(f"http://{address}/api/v1/{path}")
             assert (answer.status_code, answer.json()) == (404, {"detail": f"there is no path /api/v1/{path}"})
-        for path, allowed in (("/api/v1/zones", "GET, POST"), ("/index.html", "GET, HEAD")):
+        for path, allowed in (("/api/v1/zones", "GET, HEAD, POST"), ("/index.html", "GET, HEAD")):
             answer = httpx.delete(f"http://{address}{path}")
             assert (answer.status_code, answer.headers["allow"]) == (405, allowed), path
             assert answer.json() == {"detail": f"got DELETE, needed {allowed.replace(', ', ' or ')}"}
+
+
+@pytest.mark.parametrize(
+    "path", ["healthz", "readyz", "metrics", "api/v1/picture", "api/v1/alarms/stream", "api/v1/runs?format=csv", "", "api/v1/x"]
+)
+def test_head_is_get_without_the_body(served: Served, tmp_path: Path, path: str) -> None:
+    with listening(served.service, web=tmp_path) as address, httpx.stream("GET", f"http://{address}/{path}") as got:
+        again = httpx.head(f"http://{address}/{path}")
+        assert (again.status_code, again.content) == (got.status_code, b"")
+        assert again.status_code == (404 if path.endswith("x") else got.status_code)
+        changing = ("date", *["content-length"] * (path in ("metrics", "readyz")))  # they say ages
+        of_head, of_get = ({k: v for k, v in one.headers.items() if k not in changing} for one in (again, got))
+        assert of_head == of_get
 
 
 def test_details_have_a_tag_and_one_vessel_says_why(served: Served) -> None:

@@ -19,6 +19,7 @@ from coastwatch.operators.api import answers, validation, video_stream, webhooks
 from coastwatch.operators.api.alarm_stream import AlarmStream
 from coastwatch.operators.api.answers import In
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard, methods_of
+from coastwatch.operators.api.heads import Heads
 from coastwatch.operators.api.service import NoPictureYet, Service
 from coastwatch.operators.api.track_stream import serve_tracks
 from coastwatch.operators.api.wire import PROTOCOL, VERSIONS, spoken
@@ -79,6 +80,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     for routes in (answers.router, zones.router, video_stream.router, router):
         app.include_router(routes)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
+    app.add_middleware(Heads)
     app.add_middleware(guard.middleware, metrics=service.metrics, audit=service.audit)
     if (web / "index.html").is_file():
         app.mount("/", StaticFiles(directory=web, html=True), name="web")

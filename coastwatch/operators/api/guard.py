@@ -318,7 +318,8 @@ def _is_before_sign_in(scope: Scope) -> bool:
 def methods_of(scope: Scope) -> list[str]:
     """The methods that routes take for the path of a request; the files of the page do not count."""
     routes = [route for route in scope["app"].routes if not isinstance(route, Mount)]
-    return [m for m in METHODS if any(route.matches({**scope, "method": m})[0] is Match.FULL for route in routes)]
+    taken = [m for m in METHODS if any(route.matches({**scope, "method": m})[0] is Match.FULL for route in routes)]
+    return [m for m in METHODS if m in taken or (m == "HEAD" and "GET" in taken)]  # as `Heads` answers it
 
 
 async def _while_allowed(
