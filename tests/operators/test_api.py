@@ -91,6 +91,23 @@ def test_pages_follow_each_other_and_an_unchanged_picture_is_not_sent_again(serv
     assert served.get("/api/v1/picture?format=csv", headers={"If-None-Match": tag}).status_code == 200
 
 
+@pytest.mark.parametrize("form", ["json", "csv", "geojson", "parquet"])
+def test_pages_of_a_history_go_back_to_its_beginning_in_every_format(served: Served, form: str) -> None:
+    whole = [row["time_utc"] for row in served.get("/api/v1/vessels/2/history").json()["history"]]
+    assert len(whole) > 1
+    path, totals, last = f"/api/v1/vessels/2/history?limit=1&format={form}", [], ""
+    while path:
+        answer = served.get(path)
+        totals.append(int(answer.headers["x-total-count"]))
+        last = answer.text
+        path = httpx.Response(200, headers=answer.headers).links.get("next", {}).get("url", "")
+    assert totals == list(range(len(whole), 0, -1))
+    assert form == "parquet" or whole[0] in last
+    for other in ("sensors", "runs", "audit", "alarms"):
+        answer = served.get(f"/api/v1/{other}")
+        assert int(answer.headers["x-total-count"]) == len(next(v for v in answer.json().values() if isinstance(v, list)))
+
+
 def test_a_sorted_page_is_as_if_every_vessel_were_formatted_and_only_the_page_is(
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -263,36 +263,49 @@ def vessel(vessel_id: VesselId, service: In) -> dict[str, object]:
 
 @router.get("/vessels/{vessel_id}/history", responses=ROWS)
 def history(
-    vessel_id: VesselId, service: In, form: As, start: Annotated[str | None, Query(alias="from", max_length=40)] = None,
+    request: Request, vessel_id: VesselId, service: In, form: As,
+    start: Annotated[str | None, Query(alias="from", max_length=40)] = None,
     end: Annotated[str | None, Query(alias="to", max_length=40)] = None, limit: Limit = 5000,
 ) -> Response:  # fmt: skip
-    """The newest points of a vessel's path between two instants, oldest first."""
+    """The newest points of a vessel's path between two instants, oldest first. `Link` has the page of those before them."""
     span_s = parsed_span(start, end)
-    return _between(_vessel(service, vessel_id)[1].tables["history"], form, "history", vessel_id, span_s, limit)
+    return _between(request, _vessel(service, vessel_id)[1].tables["history"], form, ("history", vessel_id), span_s, limit)
 
 
 @router.get("/vessels/{vessel_id}/decided", responses=ROWS)
 def decided(
-    vessel_id: VesselId, service: In, form: As, start: Annotated[str | None, Query(alias="from", max_length=40)] = None,
+    request: Request, vessel_id: VesselId, service: In, form: As,
+    start: Annotated[str | None, Query(alias="from", max_length=40)] = None,
     end: Annotated[str | None, Query(alias="to", max_length=40)] = None, limit: Limit = 5000,
 ) -> Response:  # fmt: skip
-    """The newest states of a vessel's corrected past between two instants, oldest first. The history stays what the watch saw."""
+    """The newest states of a vessel's corrected past between two instants, oldest first. The history stays what the watch saw.
+
+    `Link` has the page of those before them.
+    """
     run_id, span_s = service.run_row()["id"], parsed_span(start, end)
     try:
         rows = presentation.decided_path(service.store, run_id, vessel_id)
     except NotThere as error:
         raise HTTPException(404, f"run {run_id} never had a vessel {vessel_id}") from error
-    return _between(rows, form, "decided", vessel_id, span_s, limit)
+    return _between(request, rows, form, ("decided", vessel_id), span_s, limit)
 
 
 def _between(
-    rows: Rows, form: str, name: str, vessel_id: int, span_s: tuple[float | None, float | None], limit: int
+    request: Request, rows: Rows, form: str, of: tuple[str, int], span_s: tuple[float | None, float | None], limit: int
 ) -> Response:
-    """The newest rows of a vessel between two instants."""
+    """The newest rows of a vessel between two instants. The next page ends with the newest one before them.
+
+    Args: of: the name of the rows, and the id of the vessel.
+    """
     from_s, to_s = span_s
-    when = [utc(text) for text in rows.column("time_utc")]
-    kept = [row for row, s in zip(rows.rows, when, strict=True) if (from_s or -np.inf) <= s <= (to_s or np.inf)]
-    return _answer(Rows(rows.columns, kept[-limit:] if limit else []), form, name, {"vessel_id": vessel_id, "total": len(kept)})
+    times = rows.column("time_utc")
+    when = np.array([utc(text) for text in times])
+    kept = np.flatnonzero((when >= (from_s or -np.inf)) & (when <= (to_s or np.inf)))
+    shown = Rows(rows.columns, [rows.rows[k] for k in kept[max(len(kept) - limit, 0) :]])
+    headers = _counted(len(kept))
+    if 0 < limit < len(kept):
+        headers["Link"] = _next(request, to=times[kept[-limit - 1]])
+    return _answer(shown, form, of[0], {"vessel_id": of[1], "total": len(kept)}, headers)
 
 
 class ChosenAlarms(BaseModel):
@@ -450,11 +463,20 @@ def _coastline_of(scenario: str) -> pathlib.Path | None:
 
 def _page(request: Request, total: int, offset: int, limit: int) -> dict[str, str]:
     """Headers of a page of rows: how many there are in all, and where the next page is, if there is one."""
-    headers = {"X-Total-Count": str(total), "Vary": "Accept"}
+    headers = _counted(total)
     if 0 < limit < total - offset:
-        following = request.url.include_query_params(offset=offset + limit)
-        headers["Link"] = f'<{following.path}?{following.query}>; rel="next"'
+        headers["Link"] = _next(request, offset=offset + limit)
     return headers
+
+
+def _counted(total: int) -> dict[str, str]:
+    return {"X-Total-Count": str(total), "Vary": "Accept"}
+
+
+def _next(request: Request, **parameters: object) -> str:
+    """`Link` to the next page. Args: parameters: that it has in place of those of the request."""
+    following = request.url.include_query_params(**parameters)
+    return f'<{following.path}?{following.query}>; rel="next"'
 
 
 def _picture_at(service: Service, at_s: float | None) -> LivePicture:
@@ -499,7 +521,8 @@ def _names(text: str | None) -> Sequence[str]:
 
 
 def _answer(rows: Rows, form: str, name: str, head: Mapping[str, object], headers: dict[str, str] | None = None) -> Response:
-    """The rows in a format; in JSON as the list `name` behind other values."""
+    """The rows in a format; in JSON as the list `name` behind other values. Args: headers: of a page; none: these are all rows."""
+    headers = headers or _counted(len(rows.rows))
     if form == "parquet":
         return Response(export.as_parquet(rows), media_type=TYPES[form], headers=headers)
     if form == "json":
