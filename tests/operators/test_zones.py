@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from itertools import pairwise
 from pathlib import Path
@@ -21,6 +22,15 @@ pytestmark = pytest.mark.whole
 
 BAY = {"name": "bay", "kind": "polygon", "points_deg": [[-22.9, -43.2], [-22.9, -43.1], [-22.8, -43.1]], "enter": True}
 RING = {"name": "ring", "kind": "circle", "centre_deg": [0.0, 180.0], "radius_nm": 2.0, "max_speed_kn": 5.0}
+
+
+@pytest.mark.parametrize(("kind", "size"), [(None, 0), ("text/plain", 0), ("application/x-www-form-urlencoded", 9000)])
+def test_a_body_that_is_not_said_to_be_json_is_refused_with_the_reason(served: Served, kind: str | None, size: int) -> None:
+    headers = {} if kind is None else {"Content-Type": kind}
+    body = json.dumps(BAY).encode() + b" " * size
+    answer = httpx.post(f"http://{served.address}/api/v1/zones", content=body, headers=headers)
+    said = f"Content-Type: got {kind or ''!r}, needed application/json"
+    assert (answer.status_code, answer.json()) == (422, {"detail": said})
 
 
 def test_zones_are_added_changed_and_deleted_and_a_live_run_watches_them(changing: Served) -> None:

@@ -68,6 +68,9 @@ async def refused(request: Request, error: Exception) -> Response:
     hints = get_type_hints(request.scope["endpoint"], include_extras=True)
     models = [model for hint in hints.values() for model in models_of(hint)[0]]
     texts = [_refusal(one, models[0] if models else BaseModel) for one in islice(errors, MOST_ERRORS)]
+    if any(one["loc"] == ("body",) and isinstance(one["input"], bytes) for one in errors):  # it was not read as JSON
+        kind = request.headers.get("content-type", "")[:80]
+        texts = [printable(f"Content-Type: got {kind!r}, needed application/json")]
     if len(errors) > MOST_ERRORS:
         texts.append(f"and {len(errors) - MOST_ERRORS} more")
     of_its_type = all(one["type"] == "value_error" for one in errors)  # and wrong by its meaning
