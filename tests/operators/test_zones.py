@@ -33,6 +33,13 @@ def test_a_body_that_is_not_said_to_be_json_is_refused_with_the_reason(served: S
     assert (answer.status_code, answer.json()) == (422, {"detail": said})
 
 
+@pytest.mark.parametrize(("method", "path"), [("POST", ""), ("PUT", "/1000"), ("DELETE", "/1000")])
+def test_a_change_with_an_unknown_parameter_is_refused(served: Served, method: str, path: str) -> None:
+    answer = httpx.request(method, f"http://{served.address}/api/v1/zones{path}?version=1", json=BAY)
+    said = "version: got '1' for an unknown parameter, needed none"
+    assert (answer.status_code, answer.json()) == (422, {"detail": said})
+
+
 def test_zones_are_added_changed_and_deleted_and_a_live_run_watches_them(changing: Served) -> None:
     path = f"http://{changing.address}/api/v1/zones"
     scenario = load_scenario("guanabara").model_copy(update={"name": "sea", "zones": ()})

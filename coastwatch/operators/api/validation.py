@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from itertools import islice
 from typing import Any, get_type_hints
 
 from fastapi import HTTPException, Request, Response
+from fastapi.dependencies.models import Dependant
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
@@ -17,7 +18,7 @@ from starlette.concurrency import run_in_threadpool
 
 from coastwatch.operators.api.bounds import MOST_VALUES, has_too_many_values
 from coastwatch.scenario.refusing import in_brackets, models_of, sentence
-from coastwatch.spelling import printable
+from coastwatch.spelling import did_you_mean, printable
 
 MOST_ERRORS = 10
 """Errors that an answer names. It says how many more there are."""
@@ -25,20 +26,29 @@ MOST_ERRORS = 10
 LONGEST_SENTENCE = 400
 """Characters of what is said of one error."""
 
+PREFIX = "/api/"
+"""Of the paths that take their parameters alone. To others, as of monitors, a proxy may add some."""
+
 SMALL_BODY = 4096
 """Bytes of a body that is checked at once. A larger one is checked in a thread first, while other requests go on."""
 
 
 class CheckedRoute(APIRoute):
-    """A route whose body is bounded. If it is large it is checked in a thread: what is valid then takes no time to read again."""
+    """A route of known parameters alone, whose body is bounded.
+
+    A large body is checked in a thread: what is valid then takes no time to read again.
+    """
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """The handler of the framework, behind the check. It is called by the framework."""
         handle = super().get_route_handler()
-        if self.body_field is None:
-            return handle
+        names = sorted(set(_parameters(self.dependant)))
 
         async def checked(request: Request) -> Response:
+            if request.url.path.startswith(PREFIX):
+                _check_names(request, names)
+            if self.body_field is None:
+                return await handle(request)
             body = await request.body()
             if has_too_many_values(body):
                 raise HTTPException(413, f"body: got more than {MOST_VALUES} values, needed fewer")
@@ -47,6 +57,30 @@ class CheckedRoute(APIRoute):
             return await handle(request)
 
         return checked
+
+
+def _parameters(dependant: Dependant) -> Iterator[str]:
+    """The names of the parameters of a query that an endpoint and what it depends on take."""
+    for field in dependant.query_params:
+        models, _ = models_of(field.field_info.annotation)
+        if models:
+            yield from (one.alias or name for name, one in models[0].model_fields.items())
+        else:
+            yield field.alias
+    for inner in dependant.dependencies:
+        yield from _parameters(inner)
+
+
+def _check_names(request: Request, names: list[str]) -> None:
+    """Raises: HTTPException where a parameter has none of these names: what it was meant to do would not be done."""
+    unknown = [(name, value) for name, value in request.query_params.multi_items() if name not in names]
+    if not unknown:
+        return
+    texts = []
+    for name, value in unknown[:MOST_ERRORS]:
+        needed = f"one of {', '.join(names)}{did_you_mean(name, names)}" if names else "none"
+        texts.append(_short(printable(f"{name[:80]}: got {value[:80]!r} for an unknown parameter, needed {needed}")))
+    raise HTTPException(422, "; ".join([*texts, *_more(len(unknown))]))
 
 
 def _check(route: APIRoute, body: bytes) -> None:
@@ -71,8 +105,7 @@ async def refused(request: Request, error: Exception) -> Response:
     if any(one["loc"] == ("body",) and isinstance(one["input"], bytes) for one in errors):  # it was not read as JSON
         kind = request.headers.get("content-type", "")[:80]
         texts = [printable(f"Content-Type: got {kind!r}, needed application/json")]
-    if len(errors) > MOST_ERRORS:
-        texts.append(f"and {len(errors) - MOST_ERRORS} more")
+    texts += _more(len(errors))
     of_its_type = all(one["type"] == "value_error" for one in errors)  # and wrong by its meaning
     texts = list(dict.fromkeys(texts))  # a parameter that two parts of the endpoint read is wrong once
     return JSONResponse({"detail": "; ".join(texts)}, 400 if of_its_type else 422)
@@ -87,4 +120,13 @@ def _refusal(error: ErrorDetails, model: type[BaseModel]) -> str:
         path = [where]  # the whole body
     path = [part[:77] + "..." if isinstance(part, str) and len(part) > 80 else part for part in path]
     text = printable(sentence({**error, "loc": tuple(path)}, model, in_brackets, "key" if where == "body" else "parameter"))
+    return _short(text)
+
+
+def _short(text: str) -> str:
     return text if len(text) <= LONGEST_SENTENCE else text[: LONGEST_SENTENCE - 3] + "..."
+
+
+def _more(errors: int) -> list[str]:
+    """What is said of the errors that are not named."""
+    return [f"and {errors - MOST_ERRORS} more"] if errors > MOST_ERRORS else []
