@@ -201,7 +201,15 @@ def test_a_stream_has_a_name_and_secrets_in_files(monkeypatch: pytest.MonkeyPatc
     ("words", "said"),
     [
         (["--role", "all", "--out", "tracks+nats://h:1/a"], "needed --role region"),
-        (["--role", "region", "--out", "tracks+ws://h:1"], "of no stream"),
+        (
+            ["--role", "region", "--out", "tracks+ws://h:1"],
+            r"^out: got 'tracks\+ws://h:1', needed tracks\+nats://HOST:PORT/NAME",
+        ),
+        (
+            ["--role", "region", "--out", "tracks+nats://h:1/a.b c"],
+            r"^out: got 'tracks\+nats://h:1/a.b c', needed tracks\+nats",
+        ),
+        (["--role", "region", "--out", "tracks+nats://h:1"], "^out: .* needed the name of the region in its stream: tracks"),
     ],
 )
 def test_only_a_region_publishes_and_only_to_a_stream(words: list[str], said: str) -> None:

@@ -118,7 +118,8 @@ def test_a_small_message_with_arrays_of_any_size_is_refused_before_they_are_made
 
 
 @pytest.mark.parametrize(
-    "text", ["wss://", "http://a:1", "ws://a:1/path", "ws://a:1?token=secret", "ws://u:p@a:1", "ws://a:99999"]
+    "text",
+    ["wss://", "http://a:1", "ws://a:1/path", "ws://a:1?token=secret", "ws://u:p@a:1", "ws://a:99999", "tracks+nats://a:1/b"],
 )
 def test_an_address_of_no_region_is_refused(text: str) -> None:
     with pytest.raises(AddressError, match="needed ws"):

@@ -43,7 +43,7 @@ from coastwatch.server.input import Input, Paced
 from coastwatch.server.link import FeedState, notice_loss
 from coastwatch.server.live import LiveRun
 from coastwatch.server.live_video import LiveVideo
-from coastwatch.server.regions.client import RegionAddress, check_files, parsed_region
+from coastwatch.server.regions.client import TRACKS, RegionAddress, check_files, parsed_region
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.regions.scenario import of_centre, with_track_sources
 from coastwatch.server.signals import handled_by
@@ -56,8 +56,6 @@ QUERY = QueryLimit(5.0, time.monotonic)
 """Of each question of the API to the database."""
 
 STOP_S = 3
-TRACKS = "tracks+"
-"""How `--out` of a region begins, to publish its tracks."""
 
 BACKLOG = 2048
 """Connections that may wait to be taken."""
@@ -215,9 +213,7 @@ def _outs(options: Deployment) -> list[OutAddress]:
 
 def _journal_addresses(options: Deployment) -> list[RegionAddress]:
     """Where the tracks of this region are published. Raises: AddressError, InputError."""
-    addresses = [parsed_region(text.removeprefix(TRACKS)) for text in options.out if text.startswith(TRACKS)]
-    if any(not address.stream for address in addresses):
-        raise InputError("--out: got tracks+ of no stream, needed tracks+nats://HOST:PORT/NAME or tracks+tls://HOST:PORT/NAME")
+    addresses = [parsed_region(text, is_out=True) for text in options.out if text.startswith(TRACKS)]
     if addresses and options.role != "region":
         raise InputError(f"--out tracks+...: got it with --role {options.role}, needed --role region: it has tracks to publish")
     return addresses

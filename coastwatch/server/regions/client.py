@@ -33,6 +33,16 @@ CLOSED = {4401: "it does not know the token", 4404: "it is no region: --role reg
 STREAM_SCHEMES, STREAM = ("nats", "tls"), re.compile(r"[A-Za-z0-9_-]{1,32}")
 """Of addresses of NATS, and of what a region calls itself there."""
 
+TRACKS = "tracks+"
+"""How an address of `--out` begins that is of the tracks of a region."""
+
+OF_OUT = "tracks+nats://HOST:PORT/NAME or tracks+tls://HOST:PORT/NAME, with token-file=, ca-file=, user= and password-file= behind '?'"
+OF_REGION = (
+    "ws://HOST:PORT or wss://HOST:PORT, with name=, token-file= and ca-file= behind '?', e.g. "
+    "wss://north.example:8100?name=north&token-file=north.token; or nats://HOST:PORT/NAME or tls://HOST:PORT/NAME, also with user= and "
+    "password-file="
+)
+
 
 @dataclass(frozen=True)
 class RegionAddress:
@@ -52,30 +62,31 @@ class RegionAddress:
         return urlsplit(self.url).netloc
 
 
-def parsed_region(text: str) -> RegionAddress:
+def parsed_region(given: str, *, is_out: bool = False) -> RegionAddress:
     """The region of wss://host:8100?name=north&token-file=north.token&ca-file=ca.pem, or of nats://host:4222/north.
 
-    Raises: AddressError.
+    Args: is_out: it is of `--out`, such as tracks+nats://host:4222/north. Raises: AddressError that names the option.
     """
+    text = given.removeprefix(TRACKS) if is_out else given
+    got, schemes = (
+        f"{'out' if is_out else 'region'}: got {given!r}",
+        STREAM_SCHEMES if is_out else ("ws", "wss", *STREAM_SCHEMES),
+    )
     parts = urlsplit(text, allow_fragments=False)
     of_stream = parts.scheme in STREAM_SCHEMES
     options, stream = dict(parse_qsl(parts.query, keep_blank_values=True)), parts.path.strip("/") if of_stream else ""
     try:
-        good = parts.scheme in ("ws", "wss", *STREAM_SCHEMES) and bool(parts.hostname) and (parts.port or 1) > 0
+        good = parts.scheme in schemes and bool(parts.hostname) and (parts.port or 1) > 0
     except ValueError:
         good = False
     unknown = sorted(set(options) - {"name", "token-file", "ca-file"} - ({"user", "password-file"} if of_stream else set()))
     if not good or unknown or parts.username or (parts.path not in ("", "/") and not STREAM.fullmatch(stream)):
         wrong = f" (unknown: {', '.join(unknown)})" if unknown else ""
-        raise AddressError(
-            f"region: got {text!r}{wrong}, needed ws://HOST:PORT or wss://HOST:PORT, with name=, token-file= and ca-file= behind '?', "
-            "e.g. wss://north.example:8100?name=north&token-file=north.token; or nats://HOST:PORT/NAME or tls://HOST:PORT/NAME, also "
-            "with user= and password-file=, NAME of letters, digits, - and _"
-        )
+        raise AddressError(f"{got}{wrong}, needed {OF_OUT if is_out else OF_REGION}, NAME of letters, digits, - and _")
     if of_stream and not stream:
-        raise AddressError(f"region: got {text!r}, needed the name of the region in its stream: nats://HOST:PORT/NAME")
+        raise AddressError(f"{got}, needed the name of the region in its stream: {TRACKS * is_out}nats://HOST:PORT/NAME")
     if of_stream and find_spec("nats") is None:
-        raise AddressError(f"region: got {text!r}, needed the package nats-py: pip install 'coastwatch[nats]'")
+        raise AddressError(f"{got}, needed the package nats-py: pip install 'coastwatch[nats]'")
     name = options.get("name", stream or parts.netloc)[:LONGEST_NAME]
     return RegionAddress(
         f"{parts.scheme}://{parts.netloc}",
