@@ -18,6 +18,7 @@ from coastwatch.geodesy import KNOT_M_S
 from coastwatch.stage import Latitude, Longitude, NotNegative, Positive
 
 NOT_READ = "not an object of the format"
+UNKNOWN_FIELD = "field that the format does not have"
 NO_SENSOR = "of no sensor of the scenario"
 
 
@@ -64,6 +65,7 @@ class Track(_Line):
     cog_deg: Annotated[float, Field(ge=0.0, le=360.0)] | None = None
 
 
+FIELDS = {"plot": tuple(Plot.model_fields), "bearing": tuple(Bearing.model_fields), "track": tuple(Track.model_fields)}
 LINE: TypeAdapter[Plot | Bearing | Track] = TypeAdapter(Annotated[Plot | Bearing | Track, Field(discriminator="type")])
 
 
@@ -101,8 +103,12 @@ class JsonDecoder:
             self.counts.ledger.read += 1
             try:
                 line = LINE.validate_json(text)
-            except (ValidationError, RecursionError):
+            except RecursionError:
                 self.tally.add(NOT_READ, f"{self._name}:{self._lines}", text[:200])
+                continue
+            except ValidationError as error:
+                kind, example = _refusal(error)
+                self.tally.add(kind, f"{self._name}:{self._lines}", example or text[:200])
                 continue
             named = line.radar if isinstance(line, Plot) else line.sonar if isinstance(line, Bearing) else line.source
             sensor = self._numbers[line.type].get(named)
@@ -164,6 +170,21 @@ class JsonDecoder:
             covariance=np.full((len(lines), 4, 4), np.nan),
             origin=np.full(len(lines), -1, np.int64),
         )
+
+
+def _refusal(error: ValidationError) -> tuple[str, str]:
+    """The kind of the fault of a line, and the value that is wrong; empty: it is no object with a known type.
+
+    The kinds are bounded: the name of a field is one that the format has.
+    """
+    wrong = error.errors(include_url=False, include_context=False)[0]
+    tag, *rest = wrong["loc"] or ("",)
+    field = str(rest[0]) if rest else ""
+    if field not in FIELDS.get(str(tag), ()):
+        return (UNKNOWN_FIELD, field) if field else (NOT_READ, "")
+    if wrong["type"] == "missing":
+        return f"no {field}", ""
+    return f"{field} wrong or out of range", f"{field} {wrong['input']!r}"
 
 
 def _numbers(lines: Any, name: str) -> Any:

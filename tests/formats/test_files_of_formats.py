@@ -320,6 +320,31 @@ def test_lines_without_a_time_are_counted_with_their_file(tmp_path: Path) -> Non
     }
 
 
+@pytest.mark.parametrize(
+    ("line", "kind", "example"),
+    [
+        (
+            '"type": "plot", "radar": "north", "range_m": 1, "azimuth_deg": -10',
+            "azimuth_deg wrong or out of range",
+            "azimuth_deg -10",
+        ),
+        ('"type": "bearing", "sonar": "mouth", "bearing_deg": 361', "bearing_deg wrong or out of range", "bearing_deg 361"),
+        ('"type": "bearing", "sonar": "mouth"', "no bearing_deg", '{"type": "bearing", "sonar": "mouth"}'),
+        ('"type": "bearing", "sonar": "mouth", "bearing_deg": 1, "x": 2', "field that the format does not have", "x"),
+        ('"type": "bearing", "sonar": "mouth", "time": "noon", "bearing_deg": 1', "time wrong or out of range", "time 'noon'"),
+        ('"type": "moon"', "not an object of the format", '{"type": "moon"}'),
+        ('"type": ', "not an object of the format", '{"type": }'),
+    ],
+)
+def test_a_line_of_json_that_is_refused_names_its_field(tmp_path: Path, line: str, kind: str, example: str) -> None:
+    path = tmp_path / "x.jsonl"
+    path.write_text(f"{{{line}}}\n")
+    read = stream(f"json+file:{path}")
+    assert len(read.between(-math.inf, math.inf)) == 0
+    (fault,) = read.faults()
+    assert (fault.kind, fault.where, fault.example) == (kind, "x.jsonl:1", example)
+
+
 def test_fuse_reads_captures_and_lines_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plots = as_capture(tmp_path / "plots.pcap", messages("asterix"))
     ais = as_file("ais", tmp_path / "ais.nmea", messages("ais"))

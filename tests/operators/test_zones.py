@@ -33,6 +33,12 @@ def test_a_body_that_is_not_said_to_be_json_is_refused_with_the_reason(served: S
     assert (answer.status_code, answer.json()) == (422, {"detail": said})
 
 
+def test_a_name_with_half_a_character_is_refused(served: Served) -> None:
+    body, headers = json.dumps({**BAY, "name": "\ud800"}), {"Content-Type": "application/json"}
+    answer = httpx.post(f"http://{served.address}/api/v1/zones", content=body, headers=headers)
+    assert (answer.status_code, answer.json()["detail"]) == (422, r"name: got '\ud800', needed text without lone surrogates")
+
+
 @pytest.mark.parametrize(("method", "path"), [("POST", ""), ("PUT", "/1000"), ("DELETE", "/1000")])
 def test_a_change_with_an_unknown_parameter_is_refused(served: Served, method: str, path: str) -> None:
     answer = httpx.request(method, f"http://{served.address}/api/v1/zones{path}?version=1", json=BAY)
