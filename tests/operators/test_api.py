@@ -334,6 +334,13 @@ def test_foreign_hosts_and_origins_are_refused_for_http_and_for_sockets(served: 
     with pytest.raises(InvalidStatus) as refused, served.stream(origin="http://evil.example"):
         pass
     assert refused.value.response.status_code == 403
+    with pytest.raises(InvalidStatus) as refused, served.stream("?run=x&seq=-1"):
+        pass
+    said = json.loads(refused.value.response.body or b"")["detail"]
+    assert (refused.value.response.status_code, said) == (
+        422,
+        "run: got 'x', needed a whole number; seq: got '-1', needed 0 or more",
+    )
     with served.stream(origin=f"http://{served.address}") as socket:
         assert socket.recv()
     host, port = served.address.split(":")

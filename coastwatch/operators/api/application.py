@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 from fastapi import APIRouter, FastAPI, Header, HTTPException, Query, Request, Response, WebSocket
-from fastapi.exceptions import RequestValidationError
+from fastapi.exceptions import RequestValidationError, WebSocketRequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse, StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.middleware.gzip import GZipMiddleware
@@ -75,6 +75,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
             405: _wrong_method,
         },
     )
+    app.add_exception_handler(WebSocketRequestValidationError, validation.refused_socket)
     app.state.service, app.state.guard, app.state.alarms = service, guard, alarms
     app.state.stopping = lambda: False
     for routes in (answers.router, zones.router, video_stream.router, router):

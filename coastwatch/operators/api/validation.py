@@ -7,16 +7,18 @@ from collections.abc import Callable, Coroutine, Iterator
 from itertools import islice
 from typing import Any, get_type_hints
 
-from fastapi import HTTPException, Request, Response
+from fastapi import HTTPException, Request, Response, WebSocket
 from fastapi.dependencies.models import Dependant
-from fastapi.exceptions import RequestValidationError
+from fastapi.exceptions import RequestValidationError, ValidationException
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 from starlette.concurrency import run_in_threadpool
+from starlette.requests import HTTPConnection
 
 from coastwatch.operators.api.bounds import MOST_VALUES, has_too_many_values
+from coastwatch.operators.api.streaming import BAD_MESSAGE
 from coastwatch.scenario.refusing import in_brackets, models_of, sentence
 from coastwatch.spelling import did_you_mean, printable
 
@@ -95,9 +97,18 @@ def _check(route: APIRoute, body: bytes) -> None:
             raise RequestValidationError(errors)
 
 
-async def refused(request: Request, error: Exception) -> Response:
+async def refused_socket(socket: WebSocket, error: Exception) -> None:
+    """Answers as `refused`, before the socket is open. A server that cannot do that closes it."""
+    if "websocket.http.response" in socket.scope.get("extensions", {}):
+        await socket.send_denial_response(await refused(socket, error))
+    else:
+        await socket.accept()
+        await socket.close(BAD_MESSAGE)
+
+
+async def refused(request: HTTPConnection, error: Exception) -> Response:
     """The answer to parameters or a body that are refused: a sentence for each of the first errors."""
-    assert isinstance(error, RequestValidationError)
+    assert isinstance(error, ValidationException)
     errors = error.errors()
     hints = get_type_hints(request.scope["endpoint"], include_extras=True)
     models = [model for hint in hints.values() for model in models_of(hint)[0]]
