@@ -187,10 +187,13 @@ class AsterixDecoder:
     def _one(self, record: Any, category: int, arrived_s: float, about_s: float) -> Plot | tuple[int, Track] | None:
         """What a record holds; None: nothing that is used, which is counted."""
         identity, clock = record.get_item("010"), record.get_item(CLOCK[category])
-        codes = None if identity is None else (uint_of(identity, "SAC"), uint_of(identity, "SIC"))
-        origin = None if codes is None else self._origin(category, *codes)
+        if identity is None:
+            self.tally.add(UNKNOWN_RADAR, self._where, "no item 010")
+            return None
+        sac, sic = uint_of(identity, "SAC"), uint_of(identity, "SIC")
+        origin = self._origin(category, sac, sic)
         if origin is None:
-            self.tally.add(UNKNOWN_RADAR, self._where, "no item 010" if codes is None else self._remedy(category, *codes))
+            self.tally.add(UNKNOWN_RADAR, self._where, self._remedy(category, sac, sic))
             return None
         stamp_s = about_s if clock is None else self._instant_s(clock.variation.content.as_quantity("s"), about_s)
         time_s = self.stamps.time_s(stamp_s, arrived_s)
