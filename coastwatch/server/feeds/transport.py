@@ -103,9 +103,9 @@ class Inbox(Link):
         """Add lines or datagrams that have just come. Args: size: bytes received."""
         at_s = now_s()
         self.size, self.heard_s = self.size + size, at_s
-        self.received += len(lines)
         self._put_bytes += sum(map(len, lines))
         self._items.extend((at_s, line, sender) for line in lines)
+        self.received += len(lines)  # last: what is counted is there for the other thread
 
     def pop_first(self, most: int) -> list[Item]:
         """The first of what waits, in order of arrival."""
