@@ -6,7 +6,7 @@ Plain data is None, bool, int, float, str, an array, a numpy scalar, or a tuple,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from typing import Any, get_args, get_type_hints
 
@@ -44,6 +44,7 @@ def to_tree(value: object, classes: Classes) -> tuple[object, list[Array]]:
 def from_tree(tree: object, arrays: Sequence[Array], classes: Classes) -> Any:
     """The value of which `to_tree` made this tree, with these arrays. Only these classes are called.
 
+    A field that the tree lacks has its default: it is newer than the tree.
     Raises: TreeError: the tree names a class or a field that does not exist, or the arrays hold a row number that is out of range.
     """
     if isinstance(tree, list):
@@ -63,7 +64,8 @@ def from_tree(tree: object, arrays: Sequence[Array], classes: Classes) -> Any:
             made = _by_name(classes).get(name)
             if made is None:
                 raise TreeError(f"it names the class {name}, which is not one of this version's")
-            if tuple(given) != _fields_of(made):
+            absent, unknown = _needed_of(made) - given.keys(), given.keys() - _fields_of(made)
+            if absent or unknown:
                 raise TreeError(f"{name}: got the fields {', '.join(given)}, needed {', '.join(_fields_of(made))}")
             value = made(**{field: from_tree(item, arrays, classes) for field, item in given.items()})
             try:
@@ -100,6 +102,14 @@ def _to_tree(value: Any, arrays: list[Array], classes: Classes) -> object:
 
 def _fields_of(kind: type) -> tuple[str, ...]:
     return tuple(field.name for field in fields(kind)) if is_dataclass(kind) else tuple(kind._fields)  # type: ignore[attr-defined]
+
+
+@cache
+def _needed_of(kind: type) -> frozenset[str]:
+    """The fields without a default."""
+    if is_dataclass(kind):
+        return frozenset(f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING)
+    return frozenset(set(_fields_of(kind)) - set(kind._field_defaults))  # type: ignore[attr-defined]
 
 
 def _name(kind: type) -> str:

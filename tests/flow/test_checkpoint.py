@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from run_world import run, small, url
 
-from coastwatch.batches import Members
+from coastwatch.batches import Members, Unproven
 from coastwatch.cycle import run_cycle, start_run
 from coastwatch.operators.cli import main
 from coastwatch.registration.information import Estimate
@@ -88,6 +88,11 @@ def test_a_hostile_checkpoint_is_refused_and_nothing_of_it_runs(kind: str) -> No
         load(saved)
     assert reason in str(refused.value)
     assert RAN == []
+
+
+def test_a_field_that_is_newer_than_the_checkpoint_has_its_default() -> None:
+    saved = of_class("coastwatch.batches.yields.Unproven", count=3)
+    assert load(saved) == Unproven(3, 0.0)
 
 
 def test_damage_anywhere_is_refused_or_harmless() -> None:
