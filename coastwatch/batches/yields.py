@@ -182,6 +182,11 @@ class Unproven:
     count: int = 0
     excess: float = 0.0  # by which their costs exceed their lower bounds, in all: they are too dear by so much at most
 
+    @classmethod
+    def of(cls, excess: Floats) -> Unproven:
+        """Of some clusters. Args: excess: (C,) by which the cost of each exceeds its lower bound; 0: it is proven."""
+        return cls(int(np.count_nonzero(excess)), float(excess.sum()))
+
     def __add__(self, other: Unproven) -> Unproven:
         return Unproven(self.count + other.count, self.excess + other.excess)
 

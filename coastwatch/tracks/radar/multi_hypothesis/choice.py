@@ -134,5 +134,4 @@ def _chosen(
     free = np.flatnonzero(cheapest(start, cost + np.where(taken[resource[:, -1]], TAKEN, 0.0), 1, 0.0))
     displaced: Bools = ~has & (_least(cost, start) < null)
     price = np.append(choice.price, 0.0)[resource].sum(axis=1)  # the last: of no plot
-    unproven = Unproven(int(np.count_nonzero(choice.excess)), float(choice.excess.sum()))
-    return np.where(has, choice.leaf, free), displaced, cost + price, unproven
+    return np.where(has, choice.leaf, free), displaced, cost + price, Unproven.of(choice.excess)

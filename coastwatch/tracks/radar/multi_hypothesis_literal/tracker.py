@@ -148,7 +148,7 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
         leaves, children = self._grown(memory, look, reports, elapsed_s, radars)
         memory = replace(memory, look_s=np.append(memory.look_s[1:], max(look.time_s, last_s)))
         leaves, choice = self._chosen(memory, leaves, children)
-        best, unproven = choice.leaf, Unproven(int(np.count_nonzero(choice.excess)), float(choice.excess.sum()))
+        best, unproven = choice.leaf, Unproven.of(choice.excess)
         used, heard = np.zeros(len(look.row), np.bool_), np.zeros(len(reports.age), np.bool_)
         newest, message = leaves.plot[:, -1], leaves.message[:, -1]
         used[newest[newest >= 0] - memory.next_plot] = True
@@ -247,8 +247,9 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
         trees = replace(trees, age=trees.age + 1, window=self._windows(memory))
         memory = replace(memory, trees=trees)
         old = np.flatnonzero(trees.age >= w)
-        first = leaves.path[best[old], 0], leaves.path_covariance[best[old], 0]
-        decided = [memory.decided, Decided(trees.number[old], np.full(len(old), memory.look_s[0]), *first)]
+        first_s, leaf = np.full(len(old), memory.look_s[0]), best[old]
+        oldest = Decided(trees.number[old], first_s, leaves.path[leaf, 0], leaves.path_covariance[leaf, 0])
+        decided = [memory.decided, oldest]
         ends = self._ends(memory, radars)
         decided.append(memory.open_path(ends))
         mine, column = best[leaves.tree], np.arange(w - 1)
