@@ -126,7 +126,7 @@ def in_short(reproduction: Reproduction) -> list[str]:
         measured = [order.difference.mean for order in claims if not order.ordering.ours and len(order.difference.values)]
         more, less = sum(mean > 0.0 for mean in measured), sum(mean < 0.0 for mean in measured)
         said.append(
-            f"Of {len(measured)} means {more} are as they say, {len(measured) - more - less} equal, {less} the other way round."
+            f"Their differences, means over the runs: {more} as ordered, {len(measured) - more - less} zero, {less} reversed."
         )
     if laid:
         said.append(f"Figures of a scene laid out by hand to give them, counted nowhere: {laid}.")

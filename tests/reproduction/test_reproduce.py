@@ -175,7 +175,7 @@ def test_two_points_of_a_sweep_are_compared() -> None:
     other = replace(order, difference=figures.Spread((-0.1, 0.05)))
     folder = report.Folder("liland-tracking", of, tuple(made), (), (order, other, replace(order, difference=figures.Spread())))
     said = html_report.in_short(report.Reproduction("liland", (folder,), "", "", {}, ""))
-    assert said[-1] == "Of 2 means 1 are as they say, 0 equal, 1 the other way round."
+    assert said[-1] == "Their differences, means over the runs: 1 as ordered, 0 zero, 1 reversed."
 
 
 def test_each_way_to_begin_a_track_is_compared_with_and_without_ais() -> None:
