@@ -25,8 +25,8 @@ from coastwatch.batches import (
     VesselAlarms,
     joint_keys,
 )
+from coastwatch.batches.hearing import sensor_covers
 from coastwatch.batches.kinds import KINDS, Subject
-from coastwatch.batches.sensor_cover import sensor_covers
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg
 from coastwatch.kernels.tables.lookup import find
 

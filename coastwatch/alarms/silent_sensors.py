@@ -8,7 +8,7 @@ import numpy as np
 
 from coastwatch.alarms.watched import AIS, RADAR, Watched
 from coastwatch.batches import AlarmKind, Array, Floats, Hearing, Ints, Picture, SensorHearing, Sensors, VesselAlarms
-from coastwatch.batches.sensor_cover import SensorCover
+from coastwatch.batches.hearing import SensorCover
 
 NO_VESSEL = 0
 """Id of the vessel in alarms that are of a sensor: ids of vessels begin at 1."""

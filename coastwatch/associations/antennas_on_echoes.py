@@ -8,6 +8,7 @@ import numpy as np
 
 from coastwatch.batches import Floats, Ints, Measurements, SourceKind, Tracks
 from coastwatch.geodesy import difference_m, earth_centred
+from coastwatch.kernels.tables.lookup import row_of
 
 LARGE_M = 50.0
 """Length of the shortest echo on which the place of the antenna matters."""
@@ -39,12 +40,9 @@ class OnEchoes:
         rows, added = self.ais[far], self.off_m[far, :, None] * self.off_m[far, None, :]
         covariance = tracks.covariance.copy()
         covariance[rows, :2, :2] += added
-        by_id = np.argsort(tracks.track_id[rows])
-        own = tracks.track_id[rows][by_id]
-        at = np.minimum(np.searchsorted(own, measurements.track_id), max(len(own) - 1, 0))
-        mine = np.flatnonzero(own[at] == measurements.track_id) if len(own) else np.zeros(0, np.int64)
-        measured = measurements.covariance.copy()
-        measured[mine, :2, :2] += added[by_id][at[mine]]
+        row = row_of(tracks.track_id[rows], measurements.track_id)
+        measured, mine = measurements.covariance.copy(), np.flatnonzero(row >= 0)
+        measured[mine, :2, :2] += added[row[mine]]
         return replace(tracks, covariance=covariance), replace(measurements, covariance=measured)
 
 

@@ -12,8 +12,7 @@ An absent value is NaN, or -1 for a number that names something. `origin` is the
 simulated, -1 elsewhere. Scores read it. A method that reads it has a setting with "known origin" in its name.
 """
 
-from coastwatch.batches.ais_codes import NavStatus, PositionAccuracy, nav_status_text
-from coastwatch.batches.classes import CLASS_OF_TYPE, CLASSES, VesselClass
+from coastwatch.batches.ais_codes import CLASS_OF_TYPE, CLASSES, NavStatus, PositionAccuracy, VesselClass, nav_status_text
 from coastwatch.batches.events import BegunEvents, EventChanges, EventSpans
 from coastwatch.batches.hearing import Hearing, SensorHearing
 from coastwatch.batches.kinds import ALARM_KINDS, AlarmKind, Flag

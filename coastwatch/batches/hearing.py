@@ -1,13 +1,23 @@
-"""Which sensors are heard: what a sensor that is not heard would say of a vessel is not known."""
+"""Which sensors are heard, and where sensors of a kind should see a vessel, by their ranges.
+
+What a sensor that is not heard would say of a vessel is not known. One that is silent, or was never heard, covers nothing.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from coastwatch import kernels
+from coastwatch.batches.sensors import Radars, Sensors, Stations
 from coastwatch.batches.struct import Batch, column
 from coastwatch.kernels.arrays import Bools, Floats
+
+if TYPE_CHECKING:
+    from coastwatch.kernels.geometry.sensor_coverage import Coverage  # numba takes half a second to load
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,3 +60,80 @@ class SensorHearing:
     stations: Hearing  # all silent where AIS is
     track_sources: Hearing
     ais: Hearing  # one row: all AIS reports together
+
+
+@dataclass(frozen=True, eq=False)
+class SensorCover:
+    """Where the sensors of a kind cover in a cycle."""
+
+    heard: Coverage  # of those that are heard
+    silent: tuple[tuple[float, Coverage], ...]  # of those whose clocks stand, by the time from which they do, ascending
+    returned_s: Floats  # (H,) of `heard.site`: when each was heard again after it was silent; -inf: it never was
+
+    def within(self, position_deg: Floats, candidates: Bools) -> Bools:
+        """Which of the candidates a sensor covers that is heard. Args: position_deg: (V, 2); candidates: (V,). Returns: (V,)."""
+        return _within(self.heard, position_deg, candidates)
+
+    def stands_from_s(self, position_deg: Floats, candidates: Bools) -> Floats:
+        """From when the clocks of candidates stand that silent sensors reach; inf elsewhere. (V,) Args: as of `within`."""
+        out = np.full(len(candidates), np.inf)
+        for from_s, coverage in self.silent:  # the last one to fall silent counts
+            out[_within(coverage, position_deg, candidates)] = from_s
+        return out
+
+    def begins_s(self, position_deg: Floats, candidates: Bools, time_s: float, returns_s: float) -> Floats:
+        """From when something may begin to hold at candidates that a sensor covers: this cycle, or later. (V,)
+
+        It is `returns_s` after the first one of the sensors there was heard again: what the others miss it would have heard.
+        """
+        out = np.full(len(candidates), float(time_s))
+        if returns_s <= 0.0 or not (self.returned_s + returns_s > time_s).any():
+            return out
+        rows, site = np.flatnonzero(candidates), self.heard.site
+        site_deg = np.stack([site["latitude"], site["longitude"]], axis=1)
+        row, sensor, _ = kernels.geometry.sensor_coverage.pairs_in_range(
+            site_deg, site["range"].copy(), position_deg[rows], np.zeros(len(rows))
+        )
+        first_s = np.full(len(rows), np.inf)
+        np.minimum.at(first_s, row, self.returned_s[sensor])
+        reached = np.isfinite(first_s)
+        out[rows[reached]] = np.maximum(time_s, first_s[reached] + returns_s)
+        return out
+
+
+def sensor_covers(sensors: Sensors, margin: float, hearing: SensorHearing | None = None) -> tuple[SensorCover, SensorCover]:
+    """Where AIS stations and radars cover. Args: margin: share of a range that counts; hearing: none: all are heard."""
+    if hearing is None:
+        radars, stations = Hearing.always(len(sensors.radars)), Hearing.always(len(sensors.stations))
+    else:
+        radars, stations = hearing.radars, hearing.stations
+    return _cover(sensors, margin, "stations", stations), _cover(sensors, margin, "radars", radars)
+
+
+def _cover(sensors: Sensors, margin: float, kind: str, hearing: Hearing) -> SensorCover:
+    heard = hearing.heard & ~hearing.stands
+    returned_s = hearing.returned_s[heard]
+    if heard.all():
+        return SensorCover(_some(sensors, margin, kind, heard.tobytes()), (), returned_s)
+    times = np.unique(hearing.stands_from_s[hearing.stands]).tolist()
+    silent = ((from_s, hearing.stands_from_s == from_s) for from_s in times)
+    return SensorCover(
+        _some(sensors, margin, kind, heard.tobytes()),
+        tuple((from_s, _some(sensors, margin, kind, rows.tobytes())) for from_s, rows in silent),
+        returned_s,
+    )
+
+
+@lru_cache(maxsize=64)
+def _some(sensors: Sensors, margin: float, kind: str, chosen: bytes) -> Coverage:
+    """Coverage of some sensors. It is cached: the sensors are the same object throughout a run. Args: chosen: (R,) booleans."""
+    of: Radars | Stations = getattr(sensors, kind)
+    rows = np.flatnonzero(np.frombuffer(chosen, np.bool_))
+    found: Coverage = kernels.geometry.sensor_coverage.coverage_of(of.site_deg[rows], margin * of.range_m[rows], 0.0)
+    return found
+
+
+def _within(coverage: Coverage, position_deg: Floats, candidates: Bools) -> Bools:
+    out, rows = np.zeros(len(candidates), np.bool_), np.flatnonzero(candidates)
+    out[rows] = kernels.geometry.sensor_coverage.in_any_range(coverage, position_deg[rows])
+    return out

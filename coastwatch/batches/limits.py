@@ -6,10 +6,8 @@ Sources of reports say anything. Filters and kernels rest on finite numbers and 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -35,87 +33,52 @@ TIMES_S = 0.0, 8e9
 
 ASYMMETRY = 1e-6
 BEYOND = "beyond the bounds of its format: "
-Masks = Mapping[str, Bools]
+Bounded = RadarReports | BearingReports | AisReports | TrackReports | HeadingReports | RadarVideo
+Of = TypeVar("Of", RadarReports, BearingReports, AisReports, TrackReports, HeadingReports, RadarVideo)
 
 
-class _Rows(Protocol):
-    """A batch, or the spokes of a video."""
-
-    def take(self, rows: Bools, /) -> Self: ...
-
-
-Of = TypeVar("Of", bound=_Rows)
-
-
-def radar_faults(radar: RadarReports) -> Masks:
-    """Which plots are none, by kind. (M,) each."""
-    return {
-        "time": _no_time(radar.time_s, radar.received_s),
-        "range": ~((radar.range_m >= 0.0) & (radar.range_m <= MOST_RANGE_M)),
-        "azimuth": ~(np.abs(radar.azimuth_deg) <= 360.0),
-        f"site ({LATITUDES})": ~_is_on_earth(radar.site_deg),
-        "standard deviation of range": _no_sigma(radar.range_sigma_m, RANGE_SIGMA_M),
-        "standard deviation of azimuth": _no_sigma(radar.azimuth_sigma_deg, AZIMUTH_SIGMA_DEG),
-    }
-
-
-def bearing_faults(bearing: BearingReports) -> Masks:
-    """Which bearings are none, by kind. (M,) each."""
-    return {
-        "time": _no_time(bearing.time_s, bearing.received_s),
-        "bearing": ~(np.abs(bearing.bearing_deg) <= 360.0),
-        f"site ({LATITUDES})": ~_is_on_earth(bearing.site_deg),
-        "standard deviation of bearing": _no_sigma(bearing.bearing_sigma_deg, AZIMUTH_SIGMA_DEG),
-    }
-
-
-def ais_faults(ais: AisReports) -> Masks:
-    """Which AIS reports are none, by kind. (M,) each."""
-    return {"time": _no_time(ais.time_s, ais.received_s), f"position ({LATITUDES})": ~_is_on_earth(ais.position_deg)}
-
-
-def track_faults(tracks: TrackReports) -> Masks:
-    """Which states of tracks are none, by kind. (M,) each."""
-    velocity = tracks.velocity_m_s
-    given = ~np.isnan(velocity).all(axis=1)
-    return {
-        "time": _no_time(tracks.time_s, tracks.received_s),
-        f"position ({LATITUDES})": ~_is_on_earth(tracks.position_deg),
-        "velocity": given & ~(np.hypot(velocity[:, 0], velocity[:, 1]) <= MOST_SPEED_M_S),
-        "covariance": _no_covariance(tracks.covariance),
-    }
+def faults_of(batch: Bounded) -> dict[str, Bools]:
+    """Which rows of reports, or spokes of a video, are none, by kind. (M,) each"""
+    own: dict[str, Bools]
+    match batch:
+        case RadarReports():
+            own = {
+                "range": ~((batch.range_m >= 0.0) & (batch.range_m <= MOST_RANGE_M)),
+                "azimuth": ~(np.abs(batch.azimuth_deg) <= 360.0),
+                f"site ({LATITUDES})": ~_is_on_earth(batch.site_deg),
+                "standard deviation of range": _no_sigma(batch.range_sigma_m, RANGE_SIGMA_M),
+                "standard deviation of azimuth": _no_sigma(batch.azimuth_sigma_deg, AZIMUTH_SIGMA_DEG),
+            }
+        case BearingReports():
+            own = {
+                "bearing": ~(np.abs(batch.bearing_deg) <= 360.0),
+                f"site ({LATITUDES})": ~_is_on_earth(batch.site_deg),
+                "standard deviation of bearing": _no_sigma(batch.bearing_sigma_deg, AZIMUTH_SIGMA_DEG),
+            }
+        case AisReports():
+            own = {f"position ({LATITUDES})": ~_is_on_earth(batch.position_deg)}
+        case TrackReports():
+            speed_m_s, given = np.hypot(*batch.velocity_m_s.T), ~np.isnan(batch.velocity_m_s).all(axis=1)
+            own = {
+                f"position ({LATITUDES})": ~_is_on_earth(batch.position_deg),
+                "velocity": given & ~(speed_m_s <= MOST_SPEED_M_S),
+                "covariance": _no_covariance(batch.covariance),
+            }
+        case HeadingReports():
+            own = {"heading": ~(np.abs(batch.heading_deg) <= 360.0)}
+        case RadarVideo():
+            far_m = batch.first_m + batch.cell_m * batch.level.shape[1]
+            own = {
+                "range": np.full(len(batch), not far_m <= MOST_RANGE_M),
+                "azimuth": ~(np.abs(batch.azimuth_rad) <= 2.0 * np.pi),
+                f"site ({LATITUDES})": ~_is_on_earth(batch.site_deg),
+            }
+    return {"time": _no_time(batch.time_s, batch.received_s), **own}
 
 
-def heading_faults(headings: HeadingReports) -> Masks:
-    """Which headings are none, by kind. (M,) each."""
-    return {"time": _no_time(headings.time_s, headings.received_s), "heading": ~(np.abs(headings.heading_deg) <= 360.0)}
-
-
-def video_faults(video: RadarVideo) -> Masks:
-    """Which spokes are none, by kind. (S,) each."""
-    far_m = video.first_m + video.cell_m * video.level.shape[1]
-    return {
-        "time": _no_time(video.time_s, video.received_s),
-        "range": np.full(len(video), not far_m <= MOST_RANGE_M),
-        "azimuth": ~(np.abs(video.azimuth_rad) <= 2.0 * np.pi),
-        f"site ({LATITUDES})": ~_is_on_earth(video.site_deg),
-    }
-
-
-KINDS: Mapping[type, Callable[[Any], Masks]] = MappingProxyType(
-    {
-        RadarReports: radar_faults,
-        BearingReports: bearing_faults,
-        AisReports: ais_faults,
-        TrackReports: track_faults,
-        HeadingReports: heading_faults,
-    }
-)
-
-
-def within(batch: Of, faults: Masks) -> tuple[Of, dict[str, Bools]]:
-    """The rows or spokes without a fault, and the faults that there are. Args: faults: (M,) each."""
-    found = {kind: mask for kind, mask in faults.items() if mask.any()}
+def within(batch: Of) -> tuple[Of, dict[str, Bools]]:
+    """The rows or spokes without a fault, and the faults that there are. (M,) each"""
+    found = {kind: mask for kind, mask in faults_of(batch).items() if mask.any()}
     if not found:
         return batch, {}
     return batch.take(~np.logical_or.reduce(list(found.values()))), found
@@ -128,9 +91,9 @@ def reports_within(reports: Reports) -> tuple[Reports, dict[str, int]]:
     for name in ("radar", "bearing", "ais", "tracks", "headings"):
         batch = getattr(reports, name)
         if len(batch):
-            kept[name], found = within(batch, KINDS[type(batch)](batch))
+            kept[name], found = within(batch)
             counts.update({f"{name}: {kind}": int(mask.sum()) for kind, mask in found.items()})
-    videos = [within(video, video_faults(video)) for video in reports.video.parts]
+    videos = [within(video) for video in reports.video.parts]
     for _, found in videos:
         counts.update({f"video: {kind}": int(mask.sum()) for kind, mask in found.items()})
     kept["video"] = Videos(tuple(video for video, _ in videos))

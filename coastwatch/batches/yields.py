@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches.classes import CLASSES
+from coastwatch.batches.ais_codes import CLASSES
 from coastwatch.batches.struct import Batch, Struct, column, column_or_none, optional_column
 from coastwatch.kernels.arrays import Array, Bools, Floats, Ints, Rows
 

@@ -26,7 +26,7 @@ from coastwatch.batches import (
 )
 from coastwatch.cover.inputs import CoverInput, CoverOutput
 from coastwatch.geodesy import difference_m, from_plane
-from coastwatch.kernels.tables.lookup import find
+from coastwatch.kernels.tables.lookup import find, row_of
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
 
 CELLS = COVER_AZIMUTHS * COVER_RANGES
@@ -192,9 +192,7 @@ class LearntCover(Method):
         rows = np.unique(row)
         row_now = np.append(rows, -1)[kernels.tables.match_ids.index_of(tracks.track_id[rows], before.track_id)]
         key = np.where(row_now >= 0, before.radar * len(tracks) + row_now, -1)
-        order = np.argsort(key, kind="stable")
-        at = find(key[order], radar * len(tracks) + row)
-        at[at >= 0] = order[at[at >= 0]]
+        at = row_of(key, radar * len(tracks) + row)
         at[at >= 0] = np.where(before.cell[at[at >= 0]] == cell[at >= 0], at[at >= 0], -1)
         goes_on, ended = at >= 0, np.ones(len(before), np.bool_)
         ended[at[goes_on]] = False

@@ -205,7 +205,7 @@ class Waiting:
 
     def add(self, batch: Any) -> None:
         """Keep the reports within bounds until they are asked for."""
-        kept, beyond = limits.within(batch, limits.KINDS[self._kind](batch))
+        kept, beyond = limits.within(batch)
         for kind, mask in beyond.items():
             self._tally.add(limits.BEYOND + kind, "live", count=int(mask.sum()))
         if len(kept):

@@ -12,11 +12,10 @@ from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.picture.confirmed import Confirmations, confirm
 from coastwatch.picture.flags import FlagMemory, ais_flags, flag, nav_statuses
 from coastwatch.picture.former_names import AisNow, AisPast, name_flags, next_past, outdated
-from coastwatch.picture.inputs import PictureInput, PictureOutput
+from coastwatch.picture.inputs import IdentitySettings, PictureInput, PictureOutput
 from coastwatch.picture.match import KnownTracks, match_identities
 from coastwatch.picture.order import members_of, order_vessels, picture_of, tracks_of
-from coastwatch.picture.settings import IdentitySettings
-from coastwatch.picture.vessels import KnownVessels, alternatives_of, existence_of, with_echoes
+from coastwatch.picture.vessels import KnownVessels, with_details
 
 JUMP_REACH = 1.25  # of the range of a radar: what it showed may have coasted out of it since
 
@@ -76,10 +75,7 @@ class Identity(IdentitySettings):
         picture = replace(picture, nav_status=status)
         flag_memory, flags = flag(self, memory.flags, match, order, picture, past, now, given)
         flags |= ais_flags(picture.mmsi, status) | name_flags(self, past, picture, now, time_s)
-        existence = existence_of(tracks, track_memory.vessel, len(picture))
-        alternative_m = alternatives_of(tracks, track_memory.vessel, len(picture))
-        picture = replace(picture, flags=flags, existence=existence, alternative_m=alternative_m)
-        picture = with_echoes(picture, tracks, track_memory.vessel)
+        picture = with_details(replace(picture, flags=flags), tracks, track_memory.vessel)
         next_id = memory.next_id + int((match.vessel_of_group < 0).sum())
         confirmations, confirmed = confirm(
             self, memory.confirmations, tracks, track_memory.vessel, len(picture), time_s, given.sensors

@@ -103,35 +103,35 @@ def rows_of_groups(
     return Picture(vessel_id, time_s, position, velocity, covariance, since_s, updated_s, mmsi, flags, origin, status)
 
 
-def existence_of(tracks: Tracks, row_of_track: Ints, count: int) -> Floats:
-    """The probability that each of `count` vessels exists: of its likeliest track; NaN where no track has one. (V,)"""
-    existence, has_existence = np.full(count, np.nan), np.flatnonzero(np.isfinite(tracks.existence))
-    np.fmax.at(existence, row_of_track[has_existence], tracks.existence[has_existence])
-    return existence
+def with_details(picture: Picture, tracks: Tracks, row_of_track: Ints) -> Picture:
+    """The picture with what tracks say of each vessel beside its motion; NaN where none does. Args: row_of_track: (N,) of the picture.
 
-
-def with_echoes(picture: Picture, tracks: Tracks, row_of_track: Ints) -> Picture:
-    """The picture with size and axis of each vessel by the longest echo of its tracks; NaN where no track has one.
-
-    Args: row_of_track: (N,) row of the picture.
+    Existence is that of its likeliest track, size and axis are those of its longest echo. `alternative_m` is the least of its tracks, and
+    NaN where one of them is sure.
     """
-    every = np.full((3, len(picture)), np.nan)
+    rows = len(picture)
+    existence, has_existence = np.full(rows, np.nan), np.flatnonzero(np.isfinite(tracks.existence))
+    np.fmax.at(existence, row_of_track[has_existence], tracks.existence[has_existence])
+    alternative_m, doubtful = np.full(rows, np.nan), np.isfinite(tracks.alternative_m)
+    if doubtful.any():
+        alternative_m[:] = np.inf
+        np.minimum.at(alternative_m, row_of_track, np.where(doubtful, tracks.alternative_m, -np.inf))
+        alternative_m[~np.isfinite(alternative_m)] = np.nan
+    every = np.full((3, rows), np.nan)
     known = np.flatnonzero(np.isfinite(tracks.echo_length_m))
     if len(known):
         known = known[np.lexsort((tracks.echo_length_m[known], row_of_track[known]))]
         for column, values in zip(every, (tracks.echo_length_m, tracks.echo_width_m, tracks.echo_axis_deg), strict=True):
             column[row_of_track[known]] = values[known]  # of equal rows the last, the longest, stays
     length, width, axis = every
-    return replace(picture, echo_length_m=length, echo_width_m=width, echo_axis_deg=axis)
-
-
-def alternatives_of(tracks: Tracks, row_of_track: Ints, count: int) -> Floats:
-    """How far away each of `count` vessels may be instead: the least of its tracks; NaN where one of them is sure. (V,)"""
-    alternative_m, doubtful = np.full(count, np.inf), np.isfinite(tracks.alternative_m)
-    if not doubtful.any():
-        return np.full(count, np.nan)
-    np.minimum.at(alternative_m, row_of_track, np.where(doubtful, tracks.alternative_m, -np.inf))
-    return np.where(np.isfinite(alternative_m), alternative_m, np.nan)
+    return replace(
+        picture,
+        existence=existence,
+        alternative_m=alternative_m,
+        echo_length_m=length,
+        echo_width_m=width,
+        echo_axis_deg=axis,
+    )
 
 
 def predict(vessels: Picture, time_s: float, drift_m_s15: float) -> Picture:

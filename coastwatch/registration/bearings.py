@@ -24,7 +24,7 @@ from coastwatch.batches import (
     column,
 )
 from coastwatch.geodesy import to_plane, wrap_rad
-from coastwatch.kernels.tables.lookup import find
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.registration.information import Equations
 from coastwatch.registration.inputs import RegistrationInput
 
@@ -103,9 +103,7 @@ def _pair_with_bearings(
     waiting: WaitingPlots, picture: Picture, members: Members, associations: BearingAssociations
 ) -> tuple[Ints, Ints]:
     """Pairs of a waiting plot and a bearing track that are of one vessel, sorted by plot."""
-    order = np.argsort(members.track_id, kind="stable")
-    at = find(members.track_id[order], waiting.track_id)
-    vessel = np.where(at >= 0, members.vessel_id[order][np.maximum(at, 0)] if len(order) else -1, -1)
+    vessel = np.append(members.vessel_id, -1)[row_of(members.track_id, waiting.track_id)]
     vessel_of_bearing = picture.vessel_id[associations.vessel_row]
     order = np.argsort(vessel_of_bearing, kind="stable")
     first = np.searchsorted(vessel_of_bearing[order], vessel)

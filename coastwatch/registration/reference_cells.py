@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coastwatch.batches import Batch, Bools, Floats, Ints, Rows, Struct, column
-from coastwatch.kernels.tables.lookup import find
+from coastwatch.kernels.tables.lookup import find, row_of
 from coastwatch.registration.polar import Pairs
 
 AROUND = np.radians(12.0)  # the background of a bin is taken from so far to each side: beyond, land and lanes change it
@@ -155,9 +155,7 @@ def _reference_cells_of(reference_cells: ReferenceCells, seen: Seen, far: Bools)
     vessel_of_cell, vessel_now = find(vessels, reference_cells.track_id), find(vessels, seen.track_id)
     cells = 2 * RINGS * 128
     key = np.where(vessel_of_cell >= 0, vessel_of_cell * cells + reference_cells.cell, -1)
-    order = np.argsort(key, kind="stable")
-    at = find(key[order], vessel_now * cells + cell)
-    reference_cell = np.where(at >= 0, order[at] if len(order) else -1, -1)
+    reference_cell = row_of(key, vessel_now * cells + cell)
     fresh = np.flatnonzero((reference_cell < 0) & far)
     fresh = fresh[np.argsort(seen.track_id[fresh], kind="stable")][: MOST_REFERENCE_CELLS - len(reference_cells)]
     reference_cell[fresh] = len(reference_cells) + np.arange(len(fresh))

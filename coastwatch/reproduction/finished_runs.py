@@ -14,7 +14,6 @@ from coastwatch.server.run import version
 from coastwatch.shipped import PACKAGE
 
 MEASURING = (
-    "cycle_statistics.py",
     "measuring.py",
     "region_inputs.py",
     "side_by_side.py",
@@ -23,7 +22,6 @@ MEASURING = (
     "track_loss.py",
     "trackers.py",
     "two_filters.py",
-    "video_pictures.py",
 )  # of this folder; the others only present the records, or hold settings, which are in the key of a record
 
 

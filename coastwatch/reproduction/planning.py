@@ -76,8 +76,7 @@ def plan(
             count = min(runs or of.runs, variant.most_runs or sys.maxsize)
             for point in of.points(variant):
                 settings = settings_of(variant, point)
-                given = *settings, *further
-                subject = _two_filters(of.two_filters, variant, given) if of.two_filters else _scenario(name, variant, given)
+                subject = _subject(name, of, variant, (*settings, *further))
                 jobs = (_job(of, subject, seed + k, variant.roc if k < ROC_SEEDS else None, code) for k in range(count))
                 planned[name].append(Wanted(variant, point, settings, tuple(jobs)))
     return planned
@@ -89,21 +88,18 @@ def unlike(plan: Mapping[str, list[Wanted]]) -> list[Job]:
     return sorted(found.values(), key=lambda job: job.serial)
 
 
-def _scenario(name: str, variant: Variant, settings: tuple[str, ...]) -> Scenario:
+def _subject(name: str, of: Published, variant: Variant, settings: tuple[str, ...]) -> Scenario | TwoFilters:
+    """The scenario, or the two filters, of a folder with these settings."""
     try:
-        return load_scenario(name, dict(pair.split("=", 1) for pair in settings))
+        if of.two_filters is None:
+            return load_scenario(name, dict(pair.split("=", 1) for pair in settings))
+        changed = tomllib.loads("\n".join(settings).replace("=", " = "))
+        return TwoFilters.model_validate({**of.two_filters.model_dump(), **changed})
     except ScenarioError as error:
         raise InputError(f"published.toml, variant {variant.name!r}: {error}") from error
-
-
-def _two_filters(base: TwoFilters, variant: Variant, settings: tuple[str, ...]) -> TwoFilters:
-    changed = tomllib.loads("\n".join(settings).replace("=", " = "))
-    try:
-        return TwoFilters.model_validate({**base.model_dump(), **changed})
     except ValidationError as error:
-        raise InputError(
-            f"published.toml, variant {variant.name!r}: two_filters: {'; '.join(refusals(error, TwoFilters))}"
-        ) from error
+        refused = "; ".join(refusals(error, TwoFilters))
+        raise InputError(f"published.toml, variant {variant.name!r}: two_filters: {refused}") from error
 
 
 def _job(of: Published, subject: Scenario | TwoFilters, seed: int, roc: Roc | None, code: str) -> Job:

@@ -120,19 +120,15 @@ class Ordering(Settings):
     @property
     def title(self) -> str:
         """The claim in short: the figure, what is less, what is more, and whether it is ours."""
-        other = ", ".join(f"{key.split(',')[0].split('.')[-1]} {value}" for key, value in self.against.items())
-        return self._claim + (f" at {other}" if other else "") + (" (ours)" if self.ours else "")
-
-    @property
-    def _claim(self) -> str:
-        if not self.than:
-            return f"{self.path.partition('.')[2]}: {self.less} < {self.more}"
-        sides = [
-            (path.split(".", 1)[1].rpartition("."), name) for path, name in ((self.path, self.less), (self.than, self.more))
-        ]
-        one, other = (method if self.less == self.more else f"{method} of {name}" for (method, _, _), name in sides)
-        among = f" ({self.less})" if self.less == self.more else ""
-        return f"{sides[0][0][2]}: {one} < {other}{among}"
+        figure, less, more, among = self.path.partition(".")[2], self.less, self.more, ""
+        if self.than:
+            (less, _, figure), (more, _, _) = (path.partition(".")[2].rpartition(".") for path in (self.path, self.than))
+            if self.less == self.more:
+                among = f" ({self.less})"
+            else:
+                less, more = f"{less} of {self.less}", f"{more} of {self.more}"
+        point = ", ".join(f"{key.split(',')[0].split('.')[-1]} {value}" for key, value in self.against.items())
+        return f"{figure}: {less} < {more}{among}" + (f" at {point}" if point else "") + (" (ours)" if self.ours else "")
 
 
 class Published(Settings):

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from coastwatch.batches import Floats
 from coastwatch.reproduction.figures import Made, Record, Spread, at, values
 from coastwatch.reproduction.published import Published
-from coastwatch.reproduction.video_pictures import picture_of
+from coastwatch.reproduction.trackers import picture_of
 
 matplotlib.use("Agg")
 

@@ -13,6 +13,7 @@ from coastwatch.associations import AssociationInput, Associator
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks, Truth
 from coastwatch.fused_tracks import Fuser, FusionInput
 from coastwatch.geodesy import difference_m
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.reproduction.region_inputs import cycle_inputs
 from coastwatch.scenario import Scenario
 from coastwatch.scores.nees import nees
@@ -77,9 +78,7 @@ def _right_pairs(tracks: Tracks, found: Associations, truth: Truth, kinds: Ints,
     right &= np.bincount(found.vessel, minlength=1)[found.vessel[first]] == 2
     first, second = first[right], second[right]
     rows = np.where(radar[first][:, None], np.column_stack([first, second]), np.column_stack([second, first]))
-    order = np.argsort(truth.vessel)
-    at = order[np.searchsorted(truth.vessel[order], true[first])] if len(first) else np.zeros(0, np.int64)
-    return found.vessel[first], at.astype(np.int64), rows.astype(np.int64)
+    return found.vessel[first], row_of(truth.vessel, true[first]), rows.astype(np.int64)
 
 
 def errors_of(estimate: FusedTracks, truth: Truth) -> Floats:

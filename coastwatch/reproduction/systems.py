@@ -21,8 +21,7 @@ from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import to_plane
 from coastwatch.reproduction.side_by_side import errors_of, figures_of
 from coastwatch.scenario import Scenario
-from coastwatch.scores.gospa import Gospa, gospa
-from coastwatch.scores.ospa import ospa2
+from coastwatch.scores.ospa import Gospa, gospa, ospa2
 from coastwatch.server.timing import Stopwatch
 from coastwatch.stage import Count, Positive, Settings, serial
 

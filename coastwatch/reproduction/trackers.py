@@ -1,21 +1,28 @@
-"""Several radar trackers on the same plots, or the same video, of a few targets. What makes the plots runs once."""
+"""Several radar trackers on the same plots, or the same video, of a few targets. What makes the plots runs once.
+
+Of radar video one turn is kept for drawing, and particles while filters search and when they have vessels.
+"""
 
 from __future__ import annotations
 
+import base64
 from typing import Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from coastwatch.batches import Plots, Truth
+from coastwatch.batches import Floats, Plots, RadarExcess, Truth
 from coastwatch.geodesy import to_plane
 from coastwatch.reproduction.region_inputs import cycle_inputs
-from coastwatch.reproduction.video_pictures import Picture, clouds, points, scan
 from coastwatch.scenario import Scenario
 from coastwatch.scores.multi_target import Figures, MultiTargetScores
 from coastwatch.stage import Count, NotNegative, Positive, Running, Settings
 from coastwatch.tracks import ParticlesMemory, RadarTracker, RegionInput
 
+SIDE = 240  # cells of a picture to each side
+EVERY = 5  # particles, of which one is drawn
+
+Picture = dict[str, "float | str | list[list[float]]"]
 Paths = dict[str, list[list[float]]]
 """Points by name."""
 
@@ -44,7 +51,7 @@ def measure(scenario: Scenario, seed: int, asked: Trackers) -> dict[str, Figures
     """Figures by method, as of `MultiTargetScores.as_dict`; `plots`: those of the plots themselves, as of `figures_of_plots`.
 
     `paths`: points east and north of the origin of the region, of plots (`candidates`), `targets` and the methods that are drawn.
-    `scan`: the video of a cycle, as of `video_pictures.scan`. `searching`, `acquired`: particles, as of `clouds`, of the first drawn
+    `scan`: the video of a cycle, as of `scan`. `searching`, `acquired`: particles, as of `clouds`, of the first drawn
     method that comes to it: when it has one vessel and looks for another, and when it has two.
     """
     sensors, plan = scenario.sensors(), scenario.plan()
@@ -94,3 +101,40 @@ def figures_of_plots(cycles: list[Plots], truth: Truth) -> Figures:
         str(target): sum(bool((plots.origin == target).any()) for plots in cycles) / every for target in truth.vessel.tolist()
     }
     return {"false_plots": float(np.mean([(plots.origin < 0).sum() for plots in cycles])), "detected": seen}
+
+
+def points(position_m: Floats) -> list[list[float]]:
+    """East and north of each point, to a metre."""
+    rounded: list[list[float]] = np.round(position_m).tolist()
+    return rounded
+
+
+def scan(video: RadarExcess, plots_m: Floats) -> Picture:
+    """A turn as the level over the background in squares around the antenna, the strongest cell of each, and the plots in it.
+
+    Returns: `reach_m`: half a side; `half_db`: base64 of uint8 rows from south, 0: nothing over the background; `candidates`.
+    """
+    cells = video.half_db.shape[1]
+    reach_m = video.first_m + cells * video.cell_m
+    range_m = video.first_m + (np.arange(cells) + 0.5) * video.cell_m
+    east, north = (range_m * turn(video.azimuth_rad)[:, None] for turn in (np.sin, np.cos))
+    column, row = (np.clip((at / reach_m + 1.0) * 0.5 * SIDE, 0, SIDE - 1).astype(np.int64) for at in (east, north))
+    picture = np.zeros((SIDE, SIDE), np.uint8)
+    np.maximum.at(picture, (row, column), np.maximum(video.half_db, 0).astype(np.uint8))
+    text = base64.b64encode(picture.tobytes()).decode()
+    return {"reach_m": reach_m, "half_db": text, "candidates": points(plots_m)}
+
+
+def picture_of(kept: Picture) -> Floats:
+    """The picture of `scan`. (SIDE, SIDE)"""
+    levels = np.frombuffer(base64.b64decode(str(kept["half_db"])), np.uint8)
+    return levels.reshape(SIDE, SIDE).astype(float)
+
+
+def clouds(memory: ParticlesMemory) -> dict[str, list[list[float]]]:
+    """Some particles of the filters that have vessels (`acquired`) and of those that look for one (`searching`)."""
+    f = memory.filters
+    return {
+        name: points(f.particle[rows][:, ::EVERY, :2].reshape(-1, 2))
+        for name, rows in (("acquired", f.acquired), ("searching", ~f.acquired))
+    }

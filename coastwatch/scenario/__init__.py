@@ -1,8 +1,7 @@
 """One TOML file to one frozen, validated Scenario."""
 
-from coastwatch.scenario.extending import ScenarioError
 from coastwatch.scenario.model import Scenario, StoreSettings, WorkerSettings
-from coastwatch.scenario.reading import load_scenario, make_scenario, scenario_names
+from coastwatch.scenario.reading import ScenarioError, load_scenario, make_scenario, scenario_names
 from coastwatch.scenario.sites import Area, Radar, Sonar, Station, TrackSource, refuse_shared_names
 
 __all__ = [

@@ -16,7 +16,7 @@ import numpy as np
 
 from coastwatch.batches import AisReports, Floats, Ints, Noise, RadarReports, Trajectories
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane, turn, wrap_deg
-from coastwatch.kernels.tables.lookup import find
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scores.exact_filter import INSTANT, KICK, POSITION, VELOCITY, Events, filtered
 
 AnyReports = TypeVar("AnyReports", RadarReports, AisReports)
@@ -114,10 +114,8 @@ def _measured(row: Ints, time_s: Floats, kind: int, value: Floats, covariance: F
 
 def _of_vessels(truth: Trajectories, origin: Ints, reports: AnyReports) -> tuple[Ints, AnyReports]:
     """The row of the true vessel of each report, and the reports that have one."""
-    order = np.argsort(truth.vessel, kind="stable")
-    at = find(truth.vessel[order], origin)
-    mine = at >= 0
-    return order[at[mine]], reports.take(mine)
+    row = row_of(truth.vessel, origin)
+    return row[row >= 0], reports.take(row >= 0)
 
 
 def _interpolated(truth: Trajectories, row: Ints, time_s: Floats) -> Floats:

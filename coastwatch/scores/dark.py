@@ -8,7 +8,7 @@ import numpy as np
 
 from coastwatch.batches import AisReports, Bools, Flag, Ints, Picture, Sensors, Trajectories, Truth
 from coastwatch.geodesy import within_any
-from coastwatch.scores.rmse import rows_of
+from coastwatch.kernels.tables.lookup import row_of
 
 SILENT_FOR_S = 60.0  # without a report: the vessel is silent
 SETTLED_S = 120.0  # silent in cover for so long: the flag is due
@@ -89,4 +89,4 @@ def _silent(may_be_silent: Ints, truth: Trajectories, time_s: float, ais: AisRep
     there = truth.at(time_s)
     lo, hi = np.searchsorted(ais.received_s, [time_s - SILENT_FOR_S, time_s], side="right")
     silent = there.take(np.isin(there.vessel, may_be_silent) & ~np.isin(there.vessel, ais.origin[lo:hi]))
-    return silent, rows_of(truth.vessel, silent.vessel)
+    return silent, row_of(truth.vessel, silent.vessel)

@@ -15,9 +15,8 @@ import numpy as np
 
 from coastwatch.batches import Floats, Tracks, Truth
 from coastwatch.geodesy import difference_m, earth_centred, wrap_rad
-from coastwatch.scores.gospa import gospa
 from coastwatch.scores.nees import nees
-from coastwatch.scores.ospa import ospa
+from coastwatch.scores.ospa import gospa, ospa
 
 ORDER = 2.0  # of OSPA
 

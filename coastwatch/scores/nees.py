@@ -18,15 +18,3 @@ def nees(error: Floats, covariance: Floats) -> Floats:
     solved = np.linalg.solve(covariance[has_covariance], error[has_covariance][..., None])[..., 0]
     nees_of_row[has_covariance] = (error[has_covariance] * solved).sum(axis=1)
     return nees_of_row
-
-
-def band(count: int, dimension: int, level: float) -> tuple[float, float]:
-    """Interval that the mean of independent NEES leaves with this probability, half on each side.
-
-    Args: count: of values averaged; dimension: d of each; level: e.g. 1e-6.
-    """
-    from scipy.special import gammainccinv, gammaincinv  # here: most runs need no band
-
-    shape = 0.5 * count * dimension
-    low, high = (2.0 / count * float(inverse(shape, 0.5 * level)) for inverse in (gammaincinv, gammainccinv))
-    return low, high

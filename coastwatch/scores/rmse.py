@@ -54,11 +54,6 @@ def errors(position_deg: Floats, velocity_m_s: Floats, true_position_deg: Floats
     )
 
 
-def rows_of(vessel: Ints, origin: Ints) -> Ints:
-    """The row of each true vessel, -1 if it has none. Args: vessel: (V,) in any order; origin: (N,). Returns: (N,)."""
-    return row_of(vessel, origin)
-
-
 def whole_vessels(tracks: Tracks, associations: Associations, kinds: Ints) -> tuple[Bools, Ints]:
     """Which fused vessels consist of radar and AIS tracks of one true vessel alone, and of which one.
 
@@ -92,7 +87,7 @@ def fusion_errors(truth: Truth, tracks: Tracks, associations: Associations, fuse
     Args: truth: at the time of the tracks; tracks: (N); associations: of the same rows; fused: one row a vessel.
     """
     whole, origin = whole_vessels(tracks, associations, kinds)
-    at = rows_of(truth.vessel, origin)
+    at = row_of(truth.vessel, origin)
     counted = np.flatnonzero(whole & (at >= 0))
     kind, label = kinds[tracks.source], associations.vessel
     inside = np.isin(label, counted)

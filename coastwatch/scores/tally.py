@@ -22,14 +22,14 @@ from coastwatch.batches import (
     Truth,
 )
 from coastwatch.geodesy import difference_m, earth_centred
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scores.bound import bound
 from coastwatch.scores.confusion import Confusion, association, bearing_association
 from coastwatch.scores.dark import Dark, watch, without_reports
-from coastwatch.scores.gospa import gospa
 from coastwatch.scores.nees import nees
-from coastwatch.scores.ospa import ospa
+from coastwatch.scores.ospa import gospa, ospa
 from coastwatch.scores.purity import Identities
-from coastwatch.scores.rmse import Errors, FusionErrors, errors, fusion_errors, rows_of
+from coastwatch.scores.rmse import Errors, FusionErrors, errors, fusion_errors
 
 CUTOFF_M = 20.0  # of GOSPA and OSPA: the value of Helgesen et al. 2022, about three sigma of a harbour radar
 ORDER = 2.0
@@ -154,7 +154,7 @@ def _decisions(confusion: Confusion) -> dict[str, float]:
 
 def _fused_nees(truth: Truth, cycle: Yielded, fused_errors: FusionErrors) -> tuple[float, int]:
     """Sum and count of the NEES of the counted vessels, position and velocity, where the fuser gives a covariance."""
-    at = rows_of(truth.vessel, fused_errors.origin)
+    at = row_of(truth.vessel, fused_errors.origin)
     fused = cycle.fused.take(fused_errors.row)
     error_m = difference_m(fused.position_deg, truth.position_deg[at])
     values = nees(np.column_stack([error_m, fused.velocity_m_s - truth.velocity_m_s[at]]), fused.covariance)
@@ -189,7 +189,7 @@ def _bound_errors(tally: Tally, recording: Recording, ais: AisReports) -> Errors
     total = Errors()
     for t, (time_s, origin) in enumerate(tally.counted):
         now = truth.at(time_s)
-        at, row = rows_of(now.vessel, origin), rows_of(few.vessel, origin)
+        at, row = row_of(now.vessel, origin), row_of(few.vessel, origin)
         has_bound = np.isfinite(best.position_deg[row, t, 0])
         total += errors(
             best.position_deg[row, t][has_bound],

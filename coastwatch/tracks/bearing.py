@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Literal
 
@@ -26,24 +26,13 @@ from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
+from coastwatch.tracks.bearing_looks import CONTACTS, few, near_in_bearing, rounds
 from coastwatch.tracks.bearing_vessels import Predicted, chosen_pairs, in_crowd, predicted_bearings
 from coastwatch.tracks.inputs import BearingInput
 
 LINE_COLUMNS = ("sensor", "time_s", "bearing_rad", "weight")  # the data of a line fit
 GAIN = 100.0  # greater than any squared gate plus the logarithm of its width: every bearing in a gate has a positive gain
 SAME_SLOT = 0.75  # of the spacing: a clock that jitters by a quarter still fills one slot a report
-CONTACTS = 2**40  # contact numbers of one sensor
-MOST_OWN, MOST_NUMBERED = 2000, 300
-"""Bearings without a contact number of one sensor, and bearings of one numbered contact, that are used in `SHARE_S` of a cycle."""
-
-MOST_LOOKS = 100
-"""Looks of one sensor that are used in `SHARE_S` of a cycle. Of more an even choice of whole looks is used."""
-
-SHARE_S, MOST_SHARES = 3.0, 10.0
-"""Time that the counts are for. A cycle whose bearings span longer takes more in proportion, at most so many times as many."""
-
-WIDER = 1e-6  # than a gate, for rounding
-MOST_GATED = 64  # bearings of a look that one track is compared with: the nearest
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +57,7 @@ class BearingMemory:
     signatures: Ints  # (N, C) reports of each VesselClass
     counter: Ints  # (K,) tracks that each sensor has had
     dropped: int  # reports that are not finite or from the future
-    left_out: int  # reports beyond `MOST_OWN`, `MOST_NUMBERED` and `MOST_LOOKS`
+    left_out: int  # reports beyond the counts of `bearing_looks`
 
     def check_rows(self) -> None:
         """Check the numbers of sensors, as after reading a checkpoint. Raises: ValueError that names the field."""
@@ -313,13 +302,13 @@ class BearingWindow(Method):
         usable = np.isfinite(reports.bearing_deg) & np.isfinite(reports.time_s) & (reports.time_s <= time_s + self.ahead_s)
         dropped = memory.dropped + int((~usable).sum())
         reports = reports.take(order[usable[order]])
-        few = _few(reports)
-        left_out, reports = memory.left_out + int((~few).sum()), reports.take(few)
+        used = few(reports)
+        left_out, reports = memory.left_out + int((~used).sum()), reports.take(used)
         numbered, own = reports.take(reports.contact >= 0), reports.take(reports.contact < 0)
-        for rows in _rounds(numbered.sensor * CONTACTS + numbered.contact, np.arange(len(numbered))):
+        for rows in rounds(numbered.sensor * CONTACTS + numbered.contact, np.arange(len(numbered))):
             windows.update_contacts(numbered.take(rows), self.drop_after_s)
         own = replace(own, contact=np.full(len(own), OWN))
-        for rows in _rounds(own.sensor, own.time_s):  # a look is the reports of one sensor at one time
+        for rows in rounds(own.sensor, own.time_s):  # a look is the reports of one sensor at one time
             self._look(windows, own.take(rows), expected, sensors)
         windows.keep(time_s - windows.column["updated_s"] <= self.drop_after_s)
         after = windows.memory(dropped, left_out)
@@ -370,7 +359,7 @@ class BearingWindow(Method):
         widest = np.zeros(len(sensors.sonars))
         np.maximum.at(widest, reports.sensor, noise)
         half = self.gate_sigmas * np.sqrt(predicted.variance + widest[predicted.sensor])
-        near = _near_in_bearing(predicted.bearing_rad, half, predicted.sensor, reports)
+        near = near_in_bearing(predicted.bearing_rad, half, predicted.sensor, reports)
         vessel, report, certainty = chosen_pairs(
             predicted, reports, near, noise, self.gate_sigmas, self.detection_probability, sensors
         )
@@ -398,7 +387,7 @@ class BearingWindow(Method):
         widest = np.zeros(len(sigma_rad))
         np.maximum.at(widest, reports.sensor, sigma_rad[reports.sensor] ** 2 / weight)
         half = self.gate_sigmas * np.sqrt(covariance[:, 0, 0] + widest[c["sensor"][seen]])
-        pair, report = _near_in_bearing(bearing, half, c["sensor"][seen], reports)
+        pair, report = near_in_bearing(bearing, half, c["sensor"][seen], reports)
         off = wrap_rad(np.radians(reports.bearing_deg[report]) - bearing[pair])
         noise = sigma_rad[c["sensor"][seen[pair]]] ** 2 / weight[report]
         variance = covariance[pair, 0, 0] + noise
@@ -461,82 +450,3 @@ class BearingWindow(Method):
             measured_site_deg=np.where(none[:, None], np.nan, measured_site_deg),
             certainty=certainty,
         )
-
-
-def _few(reports: BearingReports) -> Bools:
-    """Which reports to use, evenly chosen. (M,) Args: reports: sorted by time.
-
-    Of a numbered contact at most `MOST_NUMBERED`. Of other bearings of a sensor at most `MOST_LOOKS` whole looks with about `MOST_OWN`
-    bearings in all. The counts are for `SHARE_S`.
-    """
-    whose = np.where(reports.contact >= 0, reports.sensor * CONTACTS + reports.contact, -1 - reports.sensor)
-    sender, of = np.unique(whose, return_inverse=True)
-    own, count = sender < 0, np.bincount(of, minlength=len(sender))
-    if not (count > np.where(own, min(MOST_OWN, MOST_LOOKS), MOST_NUMBERED)).any():
-        return np.ones(len(reports), np.bool_)
-    begin_s, end_s = np.full(len(sender), np.inf), np.full(len(sender), -np.inf)
-    np.minimum.at(begin_s, of, reports.time_s)
-    np.maximum.at(end_s, of, reports.time_s)
-    shares = np.clip((end_s - begin_s) / SHARE_S, 1.0, MOST_SHARES)
-    most = (np.where(own, MOST_OWN, MOST_NUMBERED) * shares).astype(np.int64)
-    rows = np.flatnonzero(own[of])
-    look, at = _distinct(of[rows], reports.time_s[rows])
-    looks = np.bincount(look, minlength=len(sender))
-    most_looks = np.minimum((MOST_LOOKS * shares).astype(np.int64), np.maximum(most * looks // count, 1))
-    out = np.ones(len(reports), np.bool_)
-    out[rows] = _evenly(look, most_looks[look])[at]
-    out[out] = _evenly(of[out], most[of[out]])  # where one look has too many, or looks differ
-    return out
-
-
-def _distinct(key: Ints, item: Array) -> tuple[Ints, Ints]:
-    """The key of each distinct pair of key and item, by key, then item, and which of these each row is. (L,), (M,)"""
-    order = np.lexsort((item, key))
-    key, item = key[order], item[order]
-    new = np.append(True, (key[1:] != key[:-1]) | (item[1:] != item[:-1]))[: len(key)]
-    at = np.empty(len(key), np.int64)
-    at[order] = np.cumsum(new) - 1
-    return key[new], at
-
-
-def _evenly(key: Ints, most: Ints) -> Bools:
-    """Which rows to use: of each key at most so many, evenly chosen in their order. Args: (M,), (M,) the same for all rows of a key."""
-    if np.unique(key, return_counts=True)[1].max(initial=0) <= most.min(initial=len(key)):
-        return np.ones(len(key), np.bool_)
-    order = np.argsort(key, kind="stable")
-    first = np.searchsorted(key[order], key[order])
-    count = np.searchsorted(key[order], key[order], side="right") - first
-    rank, limit = np.arange(len(key)) - first, np.minimum(most[order], count)
-    out = np.empty(len(key), np.bool_)
-    out[order] = (rank + 1) * limit // count > rank * limit // count
-    return out
-
-
-def _near_in_bearing(bearing_rad: Floats, half_rad: Floats, sensor: Ints, reports: BearingReports) -> tuple[Ints, Ints]:
-    """Pairs of a track and a bearing of its sensor that is no farther off; of more than `MOST_GATED` the nearest. Sorted.
-
-    Args: bearing_rad, half_rad, sensor: (T,) of each track; reports: (M,). Returns: (A,), (A,).
-    """
-    count, turn = len(reports), 2.0 * np.pi
-    said = np.tile(wrap_rad(np.radians(reports.bearing_deg)), 3) + np.repeat([-turn, 0.0, turn], count)
-    base = 4.0 * turn  # between one sensor and the next: bearings are within three turns
-    key = np.tile(reports.sensor, 3) * base + said
-    order = np.argsort(key, kind="stable")
-    key, middle = key[order], sensor * base + wrap_rad(bearing_rad)
-    half = np.minimum(half_rad * (1.0 + WIDER) + WIDER, np.pi)
-    low, high = np.searchsorted(key, middle - half), np.searchsorted(key, middle + half)
-    many = np.flatnonzero(high - low > MOST_GATED)
-    nearest = kernels.bearings.candidates.first_of_nearest(middle[many], key, low[many], (high - low)[many], MOST_GATED)
-    low[many], high[many] = nearest, nearest + MOST_GATED
-    track = np.repeat(np.arange(len(low)), high - low)
-    report = order[kernels.bearings.candidates.ranges(low, high - low)] % max(count, 1)
-    track, report = np.divmod(np.unique(track * count + report), max(count, 1))
-    return track, report
-
-
-def _rounds(key: Ints, item: Array) -> Iterator[Ints]:
-    """Rows of the first item of every key, then of the second, and so on. An item is the rows of a key that are alike in it."""
-    distinct, of = _distinct(key, item)
-    rank = (np.arange(len(distinct)) - np.searchsorted(distinct, distinct))[of]
-    order = np.argsort(rank, kind="stable")
-    yield from np.split(order, np.flatnonzero(np.diff(rank[order])) + 1) if len(order) else ()

@@ -23,9 +23,10 @@ from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurem
 from coastwatch.cycle import run_cycle, start_run
 from coastwatch.fused_tracks import CentralImm, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.bound import bound
-from coastwatch.scores.rmse import fusion_errors, rows_of
+from coastwatch.scores.rmse import fusion_errors
 from coastwatch.scores.tally import rows_of_vessels
 from coastwatch.stage import serial
 
@@ -96,7 +97,7 @@ def after_silence(overrides: dict[str, str], seed: int) -> list[str]:
         if silent_s in (3.0, 30.0, 60.0, 120.0):
             row = np.flatnonzero(np.isin(tracks.track_id, had))
             true = truth.at(now)
-            place = true.position_deg[rows_of(true.vessel, tracks.origin[row])]
+            place = true.position_deg[row_of(true.vessel, tracks.origin[row])]
             both = fused.position_deg[joined.vessel[row]], tracks.position_deg[row]
             here, there = (float(np.sqrt((difference_m(p, place) ** 2).sum(axis=1).mean())) for p in both)
             lines.append(f"{silent_s:.0f} s {here:.1f} and {there:.1f} m")
@@ -118,9 +119,9 @@ def _compared(steps: list[Any], recording: Recording, kinds: Ints, warmup: int) 
         _, in_place = method.step(first, FusionInput(tracks, everything, associations, now, kinds))
         true = truth.at(now)
         counted = fusion_errors(true, tracks, associations, forward, kinds)
-        place = true.position_deg[rows_of(true.vessel, counted.origin)]
+        place = true.position_deg[row_of(true.vessel, counted.origin)]
         ais = np.flatnonzero(kinds[tracks.source] == 1)
-        own = ais[rows_of(tracks.origin[ais], counted.origin)]
+        own = ais[row_of(tracks.origin[ais], counted.origin)]
         for name, found in (("forward", forward.position_deg[counted.row]), ("in place", in_place.position_deg[counted.row])):
             squares[name].append((difference_m(found, place) ** 2).sum(axis=1))
         squares["AIS alone"].append((difference_m(tracks.position_deg[own], place) ** 2).sum(axis=1))
@@ -131,7 +132,7 @@ def _compared(steps: list[Any], recording: Recording, kinds: Ints, warmup: int) 
 
 def _best(truth: Trajectories, recording: Recording, origin: Ints, now: float, until_s: float) -> Floats:
     """The exact filter's places of these vessels, of the reports that had arrived. (C, 2)"""
-    few, r = rows_of_vessels(truth, rows_of(truth.vessel, origin)), recording.whole()
+    few, r = rows_of_vessels(truth, row_of(truth.vessel, origin)), recording.whole()
     assert recording.noise is not None
     radar, ais = r.radar.take(r.radar.received_s <= until_s), r.ais.take(r.ais.received_s <= until_s)
     return bound(few, radar, ais, recording.noise, np.array([now])).position_deg[:, 0]

@@ -14,8 +14,8 @@ import numpy as np
 
 from coastwatch.batches import RadarCorrections
 from coastwatch.geodesy import to_plane
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scenario import load_scenario
-from coastwatch.scores.rmse import rows_of
 from coastwatch.tracks import RegionInput, TableTracker
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from scaling.decisions.region_tracker import LAST, NEAR_M, settings
@@ -54,7 +54,7 @@ def main() -> None:
             memory[learnt], (tracks, *_) = method.step(memory[learnt], RegionInput.of_plots(plots, now_s, sensors))
             cost_ms[learnt].append(1e3 * (process_time() - begin))
             own = tracks.take(tracks.origin >= 0)
-            at = rows_of(truth.vessel, own.origin)
+            at = row_of(truth.vessel, own.origin)
             off = np.linalg.norm(to_plane(own.position_deg, origin) - place[at], axis=1)
             vessels, first = np.unique(at[off < NEAR_M], return_index=True)
             off = off[off < NEAR_M][first]

@@ -11,9 +11,10 @@ import argparse
 import numpy as np
 
 from coastwatch.centre import Cycle
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.operators.cli.arguments import pair
 from coastwatch.scenario import load_scenario
-from coastwatch.scores.rmse import Errors, fusion_errors, rows_of
+from coastwatch.scores.rmse import Errors, fusion_errors
 from scaling.load.seeds import conditions, scores_of
 
 AT_REST_M_S = 0.25
@@ -41,7 +42,7 @@ def main() -> None:
         at_rest = np.hypot(now.velocity_m_s[:, 0], now.velocity_m_s[:, 1]) < AT_REST_M_S
         for rests, own in sums.items():
             some = now.take(at_rest == rests)
-            if (rows_of(some.vessel, cycle.tracks.origin) >= 0).any():
+            if (row_of(some.vessel, cycle.tracks.origin) >= 0).any():
                 found = fusion_errors(some, cycle.tracks, cycle.associations, cycle.fused, sensors.source_kinds)
                 own[0] += found.fused
                 own[1] += found.ais

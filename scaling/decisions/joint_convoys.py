@@ -30,7 +30,7 @@ from coastwatch.stage import serial
 from coastwatch.tracks.radar.leaves import Forest
 from coastwatch.tracks.radar.multi_hypothesis import tracking
 from coastwatch.tracks.radar.multi_hypothesis.choice import Pruned
-from coastwatch.tracks.radar.multi_hypothesis.decided import decide
+from coastwatch.tracks.radar.multi_hypothesis.trees import decide
 from coastwatch.tracks.radar.table import Status, Table
 from scaling.load.seeds import seed_range
 

@@ -17,9 +17,9 @@ import numpy as np
 
 from coastwatch.batches import RadarCorrections
 from coastwatch.geodesy import to_plane
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.purity import Identities
-from coastwatch.scores.rmse import rows_of
 from coastwatch.stage import Running
 from coastwatch.tracks import RegionInput
 
@@ -68,7 +68,7 @@ def main() -> None:
         place = to_plane(truth.position_deg, origin)
         seen = (np.linalg.norm(place[:, None] - site, axis=2) < sensors.radars.range_m - 300.0).any(axis=1)
         own = tracks.take(tracks.origin >= 0)
-        at = rows_of(truth.vessel, own.origin)
+        at = row_of(truth.vessel, own.origin)
         off = np.linalg.norm(to_plane(own.position_deg, origin) - place[at], axis=1)
         vessels, first = np.unique(at[off < NEAR_M], return_index=True)
         off = off[off < NEAR_M][first]

@@ -23,8 +23,8 @@ from coastwatch.associations import BearingAssociationInput
 from coastwatch.associations.bearing_likelihood import BearingLikelihood
 from coastwatch.batches import CLASS_OF_TYPE, AisStatics, Floats
 from coastwatch.operators.cli.arguments import count, whole
+from coastwatch.sensors.simulated.ais import TYPES
 from coastwatch.sensors.simulated.sonar import SonarTruth, reported_class
-from coastwatch.sensors.simulated.static_data import TYPES
 from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import NoMemory

@@ -20,10 +20,11 @@ import numpy as np
 
 from coastwatch.batches import Floats, RadarCorrections, Recording, Sensors, Tracks
 from coastwatch.geodesy import difference_m
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.bound import bound
 from coastwatch.scores.nees import nees
-from coastwatch.scores.rmse import Errors, errors, rows_of
+from coastwatch.scores.rmse import Errors, errors
 from coastwatch.stage import Running
 from coastwatch.tracks import RadarTracker, RegionInput, TableTracker
 from coastwatch.tracks.radar.association import KnownOrigin
@@ -118,7 +119,7 @@ def measured(kind: str, method: RadarTracker, seed: int) -> tuple[Errors, Errors
     own, least, squares = Errors(), Errors(), []
     for t, (time_s, tracks) in enumerate(out):
         truth = recording.truth.at(time_s)
-        at, row = rows_of(truth.vessel, tracks.origin), rows_of(recording.truth.vessel, tracks.origin)
+        at, row = row_of(truth.vessel, tracks.origin), row_of(recording.truth.vessel, tracks.origin)
         true = truth.position_deg[at], truth.velocity_m_s[at]
         own += errors(tracks.position_deg, tracks.velocity_m_s, *true)
         known = np.isfinite(best.position_deg[row, t, 0])

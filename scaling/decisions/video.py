@@ -46,8 +46,7 @@ from coastwatch.plots import CfarExtraction, ExtractionInput
 from coastwatch.plots.video.spokes import VideoRadar
 from coastwatch.regional import reports_of_regions, start_region, step_of_regions
 from coastwatch.scenario import Scenario, load_scenario
-from coastwatch.scores.gospa import gospa
-from coastwatch.scores.ospa import ospa
+from coastwatch.scores.ospa import gospa, ospa
 from coastwatch.sensors.simulated.radar import Antenna, RadarTruth
 from coastwatch.sensors.simulated.video import SimulatedVideo, motion_of
 from coastwatch.stage import Plan

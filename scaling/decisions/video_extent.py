@@ -18,7 +18,7 @@ from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, earth_centred, offset_deg, to_plane
 from coastwatch.regional import reports_of_regions, start_region, step_of_regions
 from coastwatch.scenario import Scenario, load_scenario
-from coastwatch.scores.gospa import gospa
+from coastwatch.scores.ospa import gospa
 from coastwatch.sensors.simulated.simulation import inside
 from coastwatch.sensors.simulated.video import Ship, SimulatedVideo
 from coastwatch.stage import serial

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from coastwatch.scores.confusion import Confusion, count_decisions
-from coastwatch.scores.gospa import gospa
+from coastwatch.scores.ospa import gospa
 from scaling.peers.exchange import RADAR, Ints, PlotHistory, TaskResult, TrackHistory
 from scaling.peers.plots import in_cover
 

@@ -111,10 +111,10 @@ def changed(batch: TrackReports, row: int, field: str, at: tuple[int, ...], valu
 )  # fmt: skip
 def test_an_odd_state_of_another_system_is_found_and_no_other_one(row: int, odd: tuple[str, tuple[int, ...], float]) -> None:
     batch = changed(tracks(5), row, *odd)
-    kept, found = limits.within(batch, limits.track_faults(batch))
+    kept, found = limits.within(batch)
     assert len(found) == 1
     assert kept.number.tolist() == [k for k in range(5) if k != row]
-    assert limits.within(kept, limits.track_faults(kept))[1] == {}
+    assert limits.within(kept)[1] == {}
 
 
 def test_states_without_covariance_or_with_that_of_the_position_alone_are_sound() -> None:
@@ -123,7 +123,7 @@ def test_states_without_covariance_or_with_that_of_the_position_alone_are_sound(
     position[:, 2:, :] = position[:, :, 2:] = np.nan
     for covariance in (none, position):
         given_so = replace(batch, covariance=covariance, velocity_m_s=np.full((3, 2), np.nan))
-        assert limits.within(given_so, limits.track_faults(given_so))[1] == {}
+        assert limits.within(given_so)[1] == {}
 
 
 def test_usual_sensors_are_far_within_all_bounds() -> None:
@@ -131,7 +131,7 @@ def test_usual_sensors_are_far_within_all_bounds() -> None:
     assert limits.reports_within(reports) == (reports, {})
     wide = RadarReports.join([reports.radar])
     wide = replace(wide, range_sigma_m=np.full(len(wide), 500.0), azimuth_sigma_deg=np.full(len(wide), 5.0))
-    assert not limits.within(wide, limits.radar_faults(wide))[1]
+    assert not limits.within(wide)[1]
 
 
 def test_states_without_covariances_are_sound_and_infinite_or_half_given_ones_are_not() -> None:

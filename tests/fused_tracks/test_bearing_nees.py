@@ -5,11 +5,12 @@ The motion is that of the filter's model, one sample a vessel, 400 vessels. The 
 
 import numpy as np
 import pytest
+from nees_band import band
 
 from coastwatch.batches import Associations, Measurements, Tracks, VesselBearings
 from coastwatch.fused_tracks import CentralImm, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg, wrap_rad
-from coastwatch.scores.nees import band, nees
+from coastwatch.scores.nees import nees
 
 pytestmark = pytest.mark.consistency
 

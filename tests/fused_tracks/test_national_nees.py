@@ -6,10 +6,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from nees_band import band
 
 from coastwatch.batches import Floats, SourceKind, Tracks
 from coastwatch.geodesy import difference_m
-from coastwatch.scores.nees import band, nees
+from coastwatch.scores.nees import nees
 from scaling.load import national
 
 pytestmark = pytest.mark.consistency

@@ -12,13 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from nees_band import band
 
 from coastwatch.batches import Floats, FusedTracks, Ints, SourceKind, Tracks, Truth
 from coastwatch.centre import Cycle
 from coastwatch.geodesy import difference_m
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scenario import load_scenario
-from coastwatch.scores.nees import band, nees
-from coastwatch.scores.rmse import rows_of, whole_vessels
+from coastwatch.scores.nees import nees
+from coastwatch.scores.rmse import whole_vessels
 from coastwatch.server.run import run_scenario
 
 pytestmark = pytest.mark.consistency
@@ -101,7 +103,7 @@ def _of_one(settings: tuple[tuple[str, str], ...], seed: int, folder: Path) -> S
 
 
 def _nees(estimate: Tracks | FusedTracks, origin: Ints, truth: Truth) -> Floats:
-    at = rows_of(truth.vessel, origin)
+    at = row_of(truth.vessel, origin)
     assert (at >= 0).all()
     vessel, times = np.unique(origin, return_counts=True)
     once = np.isin(origin, vessel[times == 1])  # a vessel with two tracks of a source is an error, which the scores count

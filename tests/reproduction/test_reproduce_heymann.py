@@ -12,7 +12,7 @@ from coastwatch.operators.plot import draw_run
 from coastwatch.reproduction import figures, planning, published, report, running
 from coastwatch.reproduction.figures import Made, Spread
 from coastwatch.reproduction.finished_runs import FinishedRuns
-from coastwatch.reproduction.video_pictures import picture_of
+from coastwatch.reproduction.trackers import picture_of
 
 pytestmark = pytest.mark.whole
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from coastwatch.scenario import ScenarioError, load_scenario
-from coastwatch.scenario.extending import merged
+from coastwatch.scenario.reading import merged
 
 pytestmark = pytest.mark.contract
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nees_band import band
 from scipy.stats import chi2
 
-from coastwatch.scores.gospa import gospa
-from coastwatch.scores.nees import band, nees
-from coastwatch.scores.ospa import ospa
+from coastwatch.scores.nees import nees
+from coastwatch.scores.ospa import gospa, ospa
 
 pytestmark = pytest.mark.oracle
 

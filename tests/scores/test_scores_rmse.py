@@ -7,7 +7,8 @@ import pytest
 from scores_world import AIS, KINDS, OTHER_RADAR, RADAR, fused, ints, joined, tracks, truth
 
 from coastwatch.geodesy import KNOT_M_S, offset_deg
-from coastwatch.scores.rmse import Errors, errors, fusion_errors, rows_of, whole_vessels
+from coastwatch.kernels.tables.lookup import row_of
+from coastwatch.scores.rmse import Errors, errors, fusion_errors, whole_vessels
 
 pytestmark = pytest.mark.oracle
 
@@ -45,9 +46,9 @@ def test_nothing_has_no_error():
     assert Errors().as_dict() == {"position_rmse_m": None, "course_rmse_deg": None, "speed_rmse_kn": None}
 
 
-def test_rows_of():
-    np.testing.assert_array_equal(rows_of(ints(9, 4, 6), ints(4, 9, 5, -1, 6)), [1, 0, -1, -1, 2])
-    np.testing.assert_array_equal(rows_of(ints(), ints(3)), [-1])
+def test_row_of():
+    np.testing.assert_array_equal(row_of(ints(9, 4, 6), ints(4, 9, 5, -1, 6)), [1, 0, -1, -1, 2])
+    np.testing.assert_array_equal(row_of(ints(), ints(3)), [-1])
 
 
 def test_whole_vessels_have_radar_and_ais_of_one_true_vessel_only():

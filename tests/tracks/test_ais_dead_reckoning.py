@@ -6,7 +6,6 @@ from ais_world import HOME, PERIOD_S, SENSORS, START_S, fleet, reports, run, sai
 
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
 from coastwatch.tracks import AisDeadReckoning, AisFilter, AisInput
-from coastwatch.tracks.ais.ais_filter import refused
 
 pytestmark = pytest.mark.contract
 
@@ -59,7 +58,7 @@ def test_vessels_alarms_and_silence_are_those_of_the_filter():
         assert a.track_id.tolist() == b.track_id.tolist()
         assert a.updated_s.tobytes() == b.updated_s.tobytes()
         assert same(alarms, expected)
-    assert refused(memory) == refused(other)
+    assert memory.refused == other.refused
     assert max(len(t) for t, _ in raw) == 4
     assert len(raw[-1][0]) < 4
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from coastwatch.batches import AisReports, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane
 from coastwatch.tracks import AisInput
-from coastwatch.tracks.ais.ais_filter import AisFilter, Motion, refused
+from coastwatch.tracks.ais.ais_filter import AisFilter, Motion
 
 pytestmark = pytest.mark.oracle
 
@@ -163,5 +163,5 @@ def test_real_reports_with_a_real_outlier():
     assert {tuple(ids) for ids, _, _ in seen} == {tuple(seen[0][0])}
     assert len(seen[0][0]) == 1
     assert 60.0 <= sum(6.0 for _, raised, _ in seen if raised) <= 72.0
-    assert refused(memory)["impossible speed"] == 1
+    assert memory.refused["impossible speed"] == 1
     assert len(tracks) > 50

@@ -9,7 +9,7 @@ from ais_world import HOME, PERIOD_S, SENSORS, START_S, reports, run, sail
 from coastwatch.batches import PositionAccuracy
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
 from coastwatch.tracks import AisInput
-from coastwatch.tracks.ais.ais_filter import AisFilter, refused
+from coastwatch.tracks.ais.ais_filter import AisFilter
 
 pytestmark = pytest.mark.contract
 
@@ -65,7 +65,7 @@ def test_one_report_of_an_absurd_speed_is_flagged_and_moves_nothing(sog_kn, spee
     assert np.hypot(*tracks.velocity_m_s[0]) < (speed_kn + 2.0) * KNOT_M_S
     way = np.array([np.sin(np.radians(40.0)), np.cos(np.radians(40.0))]) * speed_kn * KNOT_M_S
     assert np.hypot(*difference_m(tracks.position_deg[0], offset_deg(HOME, way * (tracks.time_s[0] - START_S)))) < 60.0
-    assert refused(memory) == {"doubtful velocity": 1}
+    assert memory.refused == {"doubtful velocity": 1}
 
 
 def test_a_first_report_of_an_absurd_speed_stays_where_it_is():
@@ -87,7 +87,7 @@ def test_a_fast_boat_that_speeds_up_is_believed():
     ]
     memory, tracks, alarms = run(AisFilter(), rows, 14)
     assert not alarms.impossible_speed.any()
-    assert refused(memory) == {}
+    assert memory.refused == {}
     np.testing.assert_allclose(tracks.velocity_m_s[0], [40.0 * KNOT_M_S, 0.0], atol=1.0)
 
 

@@ -11,7 +11,6 @@ from coastwatch.batches import AisReports
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import AisDeadReckoning, AisFilter, AisInput, AisTracker
-from coastwatch.tracks.ais.ais_filter import refused
 
 pytestmark = pytest.mark.contract
 
@@ -101,7 +100,7 @@ def test_later_than_the_lateness_is_dropped_and_counted(method):
     late = sail(235000001, [START_S + 5.5], delay=[10.5])
     memory, tracks, _ = run(method, rows + late, 12)
     _, clean, _ = run(method, rows, 12)
-    assert refused(memory) == {"too late": 1}
+    assert memory.refused == {"too late": 1}
     assert same(tracks, clean)
 
 
@@ -113,21 +112,21 @@ def test_a_report_later_than_the_lateness_is_taken_if_it_is_the_newest_of_its_ve
     late, timely, outputs = sail(235000001, times, delay=np.full(10, 40.0)), sail(235000001, times), []
     memory, _, _ = run(method, late + others, 33, outputs=outputs)
     known, _, _ = run(method, timely + others, 33)
-    assert refused(memory) == {}
+    assert memory.refused == {}
     assert [len(tracks) for tracks, _ in outputs] == [1] * 13 + [2] * 20
     assert len(np.unique(outputs[-1][0].track_id)) == 2
     for name in known.now.tracks.dtype.names:
         if name != "number":
             assert known.now.tracks[name].tobytes() == memory.now.tracks[name].tobytes(), name
     behind = sail(235000001, times[-2:-1] + 1.0, delay=[60.0])
-    assert refused(run(method, late + others + behind, 40)[0]) == {"too late": 1}
+    assert run(method, late + others + behind, 40)[0].refused == {"too late": 1}
 
 
 @every_method
 def test_a_first_report_older_than_a_silent_vessel_is_predicted_is_dropped(method):
     rows = sail(235000001, [START_S - 600.0], speed_kn=0.0, delay=[601.0])
     memory, tracks, _ = run(method, rows, 2)
-    assert refused(memory) == {"too late": 1}
+    assert memory.refused == {"too late": 1}
     assert len(tracks) == 0
 
 
@@ -137,7 +136,7 @@ def test_duplicates_are_dropped_and_counted(method):
     again = [(r[0], r[0] + d, *r[2:]) for r, d in ((rows[2], 0.0), (rows[3], 4.0), (rows[4], 7.0))]
     memory, tracks, _ = run(method, rows + again, 12)
     _, clean, _ = run(method, rows, 12)
-    assert refused(memory) == {"duplicate": 3}
+    assert memory.refused == {"duplicate": 3}
     assert same(tracks, clean)
 
 
@@ -147,7 +146,7 @@ def test_a_fix_said_twice_is_taken_once(method):
     again = [(rows[4][0] + 1.0, rows[4][0] + 1.0, *rows[4][2:])]
     memory, tracks, _ = run(method, rows + again, 12)
     _, clean, _ = run(method, rows, 12)
-    assert refused(memory) == {"repeated position": 1}
+    assert memory.refused == {"repeated position": 1}
     assert same(tracks, clean)
 
 
@@ -165,7 +164,7 @@ def test_bad_rows_are_counted_by_kind_and_do_no_harm(method):
     ]
     memory, tracks, _ = run(method, good + bad, 12)
     _, clean, _ = run(method, good, 12)
-    assert refused(memory) == {"not a position": 3, "time not finite": 1, "not an MMSI": 1, "from the future": 1}
+    assert memory.refused == {"not a position": 3, "time not finite": 1, "not an MMSI": 1, "from the future": 1}
     assert same(tracks, clean)
 
 
@@ -182,7 +181,7 @@ def test_a_report_of_a_time_to_come_waits_for_it(method):
 def test_no_report_and_no_vessel(method):
     memory, tracks, alarms = run(method, [], 3)
     assert len(tracks) == len(alarms) == 0
-    assert refused(memory) == {}
+    assert memory.refused == {}
 
 
 @pytest.mark.parametrize(

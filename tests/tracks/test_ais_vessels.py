@@ -5,7 +5,7 @@ import pytest
 from ais_world import HOME, PERIOD_S, START_S, run, sail, same
 
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
-from coastwatch.tracks.ais.ais_filter import AisFilter, refused
+from coastwatch.tracks.ais.ais_filter import AisFilter
 
 pytestmark = pytest.mark.contract
 
@@ -39,7 +39,7 @@ def test_an_outlier_raises_an_alarm_and_leaves_the_track_alone():
     assert all(raised[10:30])  # 31.5 s and 60 s after
     assert not any(raised[31:])
     assert not any(alarms.twice.any() for _, alarms in seen)
-    assert refused(memory) == {"impossible speed": 1}
+    assert memory.refused == {"impossible speed": 1}
 
 
 def test_one_mmsi_in_two_places_is_two_tracks_with_an_alarm():
@@ -85,7 +85,7 @@ def test_five_places_are_more_than_an_mmsi_may_have():
     memory, tracks, _ = run(AisFilter(), rows, 20)
     assert len(tracks) == 4
     assert len(np.unique(tracks.track_id)) == 4
-    assert refused(memory)["crowded"] > 0
+    assert memory.refused["crowded"] > 0
 
 
 def test_a_silent_vessel_is_predicted_then_dropped_and_comes_back_under_its_id():
@@ -139,5 +139,5 @@ def test_any_place_on_earth(start, course_deg):
     east, north = tracks.velocity_m_s[0]
     assert np.hypot(east - speed * np.sin(course), north - speed * np.cos(course)) < (1.0 if start[0] > 85.0 else 0.15)
     assert len(tracks) == 1
-    assert refused(memory) == {}
+    assert memory.refused == {}
     assert not alarms.impossible_speed.any()

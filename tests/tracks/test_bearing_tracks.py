@@ -16,18 +16,18 @@ from coastwatch.batches import ID_STRIDE, BearingReports, Floats, Sensors
 from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import BearingInput
-from coastwatch.tracks.bearing import (
+from coastwatch.tracks.bearing import BearingWindow
+from coastwatch.tracks.bearing_looks import (
     MOST_GATED,
     MOST_LOOKS,
     MOST_NUMBERED,
     MOST_OWN,
     MOST_SHARES,
     SHARE_S,
-    BearingWindow,
     _evenly,
-    _few,
-    _near_in_bearing,
-    _rounds,
+    few,
+    near_in_bearing,
+    rounds,
 )
 
 pytestmark = pytest.mark.contract
@@ -306,7 +306,7 @@ def test_pairs_near_in_bearing_are_those_of_brute_force_or_the_nearest_of_them(s
     sensor, of = rng.integers(0, 3, tracks), np.sort(rng.integers(0, 3, count))
     reports = say(of, 0.0, rng.integers(0, 360, count) if seed % 2 else rng.uniform(0.0, 360.0, count), -1)
     middle, half = rng.uniform(-np.pi, np.pi, tracks), rng.uniform(0.0, wide, tracks)
-    track, report = _near_in_bearing(middle, half, sensor, reports)
+    track, report = near_in_bearing(middle, half, sensor, reports)
     assert (np.diff(track * count + report) > 0).all()
     off = np.abs(wrap_rad(np.radians(reports.bearing_deg)[None] - middle[:, None]))
     for k in range(tracks):
@@ -341,10 +341,10 @@ def test_of_more_looks_than_are_used_whole_looks_are_chosen() -> None:
     quiet = say(1, np.repeat(np.arange(5) / 2.0, 3), np.tile([10.0, 100.0, 190.0], 5), -1)
     reports = BearingReports.join([flood, quiet])
     reports = reports.take(np.lexsort((reports.sensor, reports.time_s)))
-    few = reports.take(_few(reports))
-    _, of_time = np.unique(few.time_s[few.sensor == 0], return_counts=True)
+    used = reports.take(few(reports))
+    _, of_time = np.unique(used.time_s[used.sensor == 0], return_counts=True)
     assert of_time.tolist() == [4] * MOST_LOOKS
-    assert (few.sensor == 1).sum() == 15
+    assert (used.sensor == 1).sum() == 15
     sensors = two_sensors()
     memory, tracks = BearingWindow().step(BearingWindow().init(), BearingInput(reports, START + 3.0, sensors))
     assert memory.left_out == 4 * (300 - MOST_LOOKS)
@@ -374,12 +374,12 @@ def test_a_longer_cycle_takes_more_bearings_within_bounds(contact: int) -> None:
     for span_s, shares in ((SHARE_S, 1.0), (4.5 * SHARE_S, 4.5), (MOST_SHARES * SHARE_S, MOST_SHARES), (1e9, MOST_SHARES)):
         stamp = np.linspace(0.0, span_s, int(1.5 * MOST_SHARES * most))
         reports = say(0, stamp, np.full(len(stamp), 20.0), contact)
-        assert _few(reports).sum() == pytest.approx(shares * most, abs=1)
+        assert few(reports).sum() == pytest.approx(shares * most, abs=1)
 
 
 def test_one_look_with_too_many_bearings_is_thinned() -> None:
     reports = say(0, 1.0, np.linspace(0.0, 359.0, 2 * MOST_OWN), -1)
-    assert np.flatnonzero(_few(reports)).tolist() == list(range(1, 2 * MOST_OWN, 2))
+    assert np.flatnonzero(few(reports)).tolist() == list(range(1, 2 * MOST_OWN, 2))
 
 
 @given(st.integers(0, 10**6), st.integers(0, 40))
@@ -387,8 +387,8 @@ def test_looks_are_the_times_of_each_sensor_in_turn(seed: int, count: int) -> No
     rng = np.random.default_rng([seed, 35])
     sensor, time_s = rng.integers(0, 3, count), np.sort(rng.integers(0, 9, count) / 3.0)
     reports = say(sensor, time_s, np.full(count, 20.0), -1)
-    assert _few(reports).all()
-    looks = [rows.tolist() for rows in _rounds(reports.sensor, reports.time_s)]
+    assert few(reports).all()
+    looks = [rows.tolist() for rows in rounds(reports.sensor, reports.time_s)]
     times = [np.unique(time_s[sensor == k]) for k in range(3)]
     wanted = [
         [i for i in range(count) if r < len(times[sensor[i]]) and time_s[i] == times[sensor[i]][r]]

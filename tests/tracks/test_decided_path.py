@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, two_radars, world
 
-from coastwatch.batches import DecidedPath, Messages, Plots, Tracks
+from coastwatch.batches import DecidedPath, Messages, Picture, Plots, Tracks
 from coastwatch.geodesy import to_plane
-from coastwatch.picture.vessels import alternatives_of
+from coastwatch.picture.vessels import with_details
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import RegionInput, TableTracker
 
@@ -151,9 +151,9 @@ def test_a_track_with_two_histories_says_how_far_away_it_may_be():
     doubtful = tracks[11].take(np.isfinite(tracks[11].alternative_m))
     assert doubtful.origin.tolist() == [0]
     assert 50.0 < doubtful.alternative_m[0] < 110.0
-    found = alternatives_of(tracks[11], np.arange(len(tracks[11])), len(tracks[11]))
+    found = with_details(Picture.zeros(V=len(tracks[11])), tracks[11], np.arange(len(tracks[11]))).alternative_m
     np.testing.assert_array_equal(found, tracks[11].alternative_m)
     none_sure, one_sure = np.array([300.0, 120.0]), np.array([300.0, np.nan])
     for each, vessel in ((none_sure, 120.0), (one_sure, np.nan)):
         two = replace(tracks[11].take(np.arange(2)), alternative_m=each)
-        np.testing.assert_array_equal(alternatives_of(two, np.zeros(2, np.int64), 1), [vessel])
+        np.testing.assert_array_equal(with_details(Picture.zeros(V=1), two, np.zeros(2, np.int64)).alternative_m, [vessel])

@@ -10,13 +10,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from nees_band import band
 from scipy import stats
 
 from coastwatch.batches import Floats, RadarCorrections
 from coastwatch.geodesy import KNOT_M_S, difference_m
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scenario import load_scenario
-from coastwatch.scores.nees import band, nees
-from coastwatch.scores.rmse import rows_of
+from coastwatch.scores.nees import nees
 from coastwatch.tracks import RegionInput
 from coastwatch.tracks.radar.motion import STEADY
 
@@ -74,7 +75,7 @@ def _of_one(settings: dict[str, str], seed: int) -> Floats:
         converted, plots = scenario.plots.step(converted, reports, sensors, RadarCorrections.none(len(sensors.radars)))
         memory, (tracks, *_) = scenario.tracks.step(memory, RegionInput.of_plots(plots, plan.instant_s(number), sensors))
     truth = recording.truth.at(plan.instant_s(plan.cycles - 1))
-    at = rows_of(truth.vessel, tracks.origin)
+    at = row_of(truth.vessel, tracks.origin)
     off = difference_m(tracks.position_deg, truth.position_deg[at])
     return nees(np.column_stack([off, tracks.velocity_m_s - truth.velocity_m_s[at]]), tracks.covariance)
 

@@ -22,12 +22,19 @@ from coastwatch.batches import (
 )
 from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M
-from coastwatch.sensors.simulated.ais import POSITION_STEP_DEG, SOG_STEP_KN, AisTruth, transmit, transponders
+from coastwatch.sensors.simulated.ais import (
+    POSITION_STEP_DEG,
+    SOG_STEP_KN,
+    AisTruth,
+    transmit,
+    transmit_static_data,
+    transponders,
+    true_types,
+)
 from coastwatch.sensors.simulated.formations import Convoys, Passings, in_formation
 from coastwatch.sensors.simulated.harbour import Anchorages, Area, Lanes, Row, StandingEchoes, in_harbour, standing
 from coastwatch.sensors.simulated.radar import RadarTruth, observe, require_usable_radars
 from coastwatch.sensors.simulated.sonar import SonarTruth, listen
-from coastwatch.sensors.simulated.static_data import transmit_static_data, true_types
 from coastwatch.sensors.simulated.trajectories import VesselMotion, draw_motion
 from coastwatch.stage import Latitude, Longitude, Method, Plan
 

@@ -16,11 +16,10 @@ from coastwatch.batches import Array, Fault, FileContent, Floats, Ints, RadarVid
 from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, from_plane, offset_deg, to_plane
 from coastwatch.kernels.tables.lookup import row_of
-from coastwatch.sensors.simulated.ais import AisTruth, transmit, transponders
+from coastwatch.sensors.simulated.ais import AisTruth, transmit, transmit_static_data, transponders
 from coastwatch.sensors.simulated.echoes import TURN_RAD, Disc, Hulls, Power, Rain, add_ships, background
 from coastwatch.sensors.simulated.radar import require_usable_radars
 from coastwatch.sensors.simulated.simulation import inside
-from coastwatch.sensors.simulated.static_data import transmit_static_data
 from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, advanced
 from coastwatch.stage import Latitude, Longitude, Method, NotNegative, Plan, Positive, Settings, Share
 

@@ -61,7 +61,7 @@ class RegionIntake:
         self.without += not used
         self._intake = [self._of_run([c for c in due if c.run == run], after_s) for run in dict.fromkeys(c.run for c in due)]
         reports = TrackReports.join([cycle.reports(self._source) for cycle in used])
-        kept, beyond = limits.within(reports, limits.track_faults(reports))
+        kept, beyond = limits.within(reports)
         for kind, mask in beyond.items():
             self._beyond[kind] = self._beyond.get(kind, 0) + int(mask.sum())
         return kept

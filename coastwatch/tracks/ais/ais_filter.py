@@ -179,11 +179,6 @@ class AisFilter(Method):
         return KernelSettings(rules[0], table, np.square(sigmas) + WIRE_POSITION_M**2 / 12.0, self.time_jitter_s)
 
 
-def refused(memory: Memory) -> dict[str, int]:
-    """How many reports were not taken into the track they name, by kind, since the start."""
-    return dict(memory.refused)
-
-
 def report(
     tracks: Rows, live: Ints, time_s: float, source: int, position: Floats, velocity: Floats, covariance: Floats
 ) -> tuple[Tracks, AisAlarms]:

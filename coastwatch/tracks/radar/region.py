@@ -1,4 +1,4 @@
-"""One cycle of the tracks of a region: plots and AIS messages update them; the confirmed ones are reported."""
+"""The region of a radar tracker: its input and output, and one cycle, in which batch after batch of plots updates the tracks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ from coastwatch.batches import (
 )
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
-from coastwatch.kernels.tracks.columns import RadarColumns
+from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
+from coastwatch.stage import Method
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.association import AnyAssociation, MultiHypothesis
 from coastwatch.tracks.radar.clutter import standing_echoes
@@ -42,11 +43,11 @@ from coastwatch.tracks.radar.extent import (
 from coastwatch.tracks.radar.life.existence import KNOWN
 from coastwatch.tracks.radar.messages import Guiding, NoMessages, Sequential, WithMessages, begin_unnamed, in_order
 from coastwatch.tracks.radar.parts import Parts
-from coastwatch.tracks.radar.plot_batches import cut, is_usable
 from coastwatch.tracks.radar.report import Reported, report, report_decided, report_measurements
 from coastwatch.tracks.radar.table import RadarMemory
 
 NOTHING_DECIDED = DecidedPath.empty()
+DAY_S = 86400.0  # older plots are from a clock that is not set
 HELD = 0.98  # an id of this probability is reported as that of the vessel; the first message gives `correct_id`, 0.99
 
 
@@ -76,6 +77,69 @@ class RegionOutput(NamedTuple):
     dropped: int  # plots that are not finite, or from the future
     decided: DecidedPath = NOTHING_DECIDED  # the past that became final in this cycle; none for trackers that decide at once
     unproven: Unproven = Unproven()  # choices of several looks, of trackers that make such
+
+
+class RadarMethod(Method):
+    """A tracker that takes plots alone. A subclass adds `method`, `init` and `step(memory, RegionInput)`, and replaces what differs."""
+
+    @property
+    def takes_video(self) -> bool:
+        """Whether it takes video as well as plots."""
+        return False
+
+    @property
+    def holds_messages(self) -> bool:
+        """Whether AIS messages are in the tracks that it reports."""
+        return False
+
+    def messages_of(
+        self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
+    ) -> Messages:
+        """The AIS messages of a cycle that a region is given. Args: as of `coastwatch.tracks.radar.messages.messages_of`."""
+        return Messages.empty()
+
+
+@dataclass(frozen=True)
+class PlotBatch:
+    """Consecutive plots of a cycle. A batch of one radar that is shorter than half a turn gives a track one plot at most."""
+
+    first: int  # row of the cycle's plots
+    columns: PlotColumns
+    ends_slice: bool  # it is the last batch of its slice of time
+
+
+def cut(plots: Plots, slice_s: float, by_radar: bool) -> tuple[Plots, list[PlotBatch]]:
+    """The plots in the order of their batches, and the batches. A batch is of one slice of time, sorted by time.
+
+    Plots of one time are sorted by position, so that the order in which they came is of no matter.
+    Args: by_radar: a batch for each radar in the slice.
+    """
+    order = np.argsort(plots.time_s, kind="stable")
+    if (np.diff(plots.time_s[order]) == 0.0).any():
+        order = np.lexsort((plots.position_m[:, 1], plots.position_m[:, 0], plots.time_s))
+    slice_ = np.floor(plots.time_s[order] / slice_s)
+    number: Ints = np.cumsum(np.diff(slice_, prepend=slice_[:1]) > 0.0)
+    key = number
+    if by_radar:
+        key = number * (int(plots.sensor.max(initial=0)) + 1) + plots.sensor[order]
+        by_key = np.argsort(key, kind="stable")
+        key, number, order = key[by_key], number[by_key], order[by_key]
+    p, begin = plots.take(order), np.flatnonzero(np.diff(key, prepend=-1))
+    end, ends_slice = np.append(begin[1:], len(p))[: len(begin)], np.diff(number[begin], append=-1) != 0
+    batches = []
+    for first, last, ends in zip(begin.tolist(), end.tolist(), ends_slice.tolist(), strict=True):
+        at = slice(first, last)
+        columns = PlotColumns(p.time_s[at], p.position_m[at], p.covariance[at], p.sensor[at], p.origin[at])
+        batches.append(PlotBatch(first, columns, ends))
+    return p, batches
+
+
+def is_usable(plots: Plots, time_s: float, ahead_s: float) -> Bools:
+    """Which plots can be believed: finite, not from after the cycle, and not older than a day. (M,)"""
+    numbers = np.column_stack([plots.time_s, plots.position_m, plots.covariance.reshape(-1, 4)])
+    lived = (plots.time_s <= time_s + ahead_s) & (plots.time_s > time_s - DAY_S)
+    good: Bools = np.logical_and(np.isfinite(numbers).all(axis=1), lived)
+    return good
 
 
 @dataclass
@@ -154,24 +218,9 @@ def update_region(
     radars = _radars(memory, ours, specified, sensors)
     memory = _end_slice(association, parts, memory, radars, ours, time_s)
     memory = _with_whole_ships(parts, association.end_cycle(parts, memory, time_s), time_s)
-    table = memory.table
-    rows = upkeep.shown(table, time_s)
     if isinstance(messages, Guiding):
         messages.leave(parts, memory, float(heard.time_s.min(initial=np.inf)), time_s)
-        rows, now = _by_plots(parts, memory, rows, time_s)
-        alternative_m = np.full(len(rows), np.nan)
-    else:
-        now, alternative_m = _predicted(association, parts, memory, rows, time_s)
-    tracks = report(
-        now,
-        _reported(
-            memory, rows, now, (upkeep.existence(table, rows, time_s), alternative_m), isinstance(messages, Guiding), sensors
-        ),
-        radars,
-        time_s,
-        sensors,
-        region,
-    )
+    tracks = _shown_tracks(association, isinstance(messages, Guiding), parts, memory, radars, given)
     found = RegionOutput(
         tracks=tracks,
         measurements=report_measurements(tracks, taken, plots, sensors, region),
@@ -193,14 +242,41 @@ def _end_slice(
     return parts.upkeep.end_slice(memory, radars, ours, every, time_s)
 
 
-def _predicted(
-    association: AnyAssociation, parts: Parts, memory: RadarMemory, rows: Ints, time_s: float
-) -> tuple[Estimates, Floats]:
-    """The estimates of the tracks in these slots at a time, and how far away each may be instead, NaN: it is sure. (N,)"""
-    if isinstance(association, MultiHypothesis):
-        return association.predict(parts, memory, rows, time_s)
-    now = parts.bank.predict(memory.table.filters, memory.table.estimates, rows, time_s)
-    return now, np.full(len(rows), np.nan)
+def _shown_tracks(
+    association: AnyAssociation,
+    of_plots: bool,
+    parts: Parts,
+    memory: RadarMemory,
+    radars: RadarColumns,
+    given: RegionInput,
+) -> Tracks:
+    """The tracks that are reported at the end of a cycle. Args: of_plots: by their plots alone, as messages guide the association."""
+    table, time_s, sensors = memory.table, given.time_s, given.sensors
+    rows = parts.upkeep.shown(table, time_s)
+    alternative_m = np.zeros(0)  # not given: each is sure
+    if of_plots:
+        rows, now = _by_plots(parts, memory, rows, time_s)
+    elif isinstance(association, MultiHypothesis):
+        now, alternative_m = association.predict(parts, memory, rows, time_s)
+    else:
+        now = parts.bank.predict(table.filters, table.estimates, rows, time_s)
+    extent, beam_m = np.full((len(rows), 3), np.nan), np.full(len(rows), np.nan)
+    known = np.flatnonzero(table.extent_plots[rows] >= LEAST_PLOTS)
+    if len(known):
+        extent[known] = table.extent[rows[known]]
+        beam_m[known] = _beam_m(memory, rows[known], now.mean[known, :2], sensors)
+    reported = Reported(
+        number=table.track_id[rows],
+        updated_s=np.maximum(table.radar_s[rows].max(axis=1, initial=-np.inf), -np.inf if of_plots else table.message_s[rows]),
+        started_s=table.started_s[rows],
+        origin=kernels.tracks.report.most_frequent_origins(table.origins, table.hits, rows),
+        held_mmsi=table.probable_ids(rows, HELD),
+        existence=parts.upkeep.existence(table, rows, time_s),
+        extent=extent,
+        beam_m=beam_m,
+        alternative_m=alternative_m,
+    )
+    return report(now, reported, radars, time_s, sensors, given.region)
 
 
 def _by_plots(parts: Parts, memory: RadarMemory, rows: Ints, time_s: float) -> tuple[Ints, Estimates]:
@@ -269,34 +345,6 @@ def _hulls(parts: Parts, memory: RadarMemory, time_s: float, least: int) -> tupl
     beam_m = _beam_m(memory, rows, table.combined_mean[rows, :2], parts.sensors)
     rows = rows[(length > beam_m) & (length <= LONGEST_M)]
     return rows, Hulls(table.updated_s[rows], table.combined_mean[rows], table.extent[rows], table.radar_s[rows])
-
-
-def _reported(
-    memory: RadarMemory, rows: Ints, now: Estimates, doubts: tuple[Floats, Floats], of_plots: bool, sensors: Sensors
-) -> Reported:
-    """What is said of the tracks in these slots.
-
-    Args: now: (N) their estimates; doubts: existence, alternative_m; of_plots: no message is in them.
-    """
-    table = memory.table
-    extent = np.full((len(rows), 3), np.nan)
-    beam_m = np.full(len(rows), np.nan)
-    known = np.flatnonzero(table.extent_plots[rows] >= LEAST_PLOTS)
-    if len(known):
-        extent[known] = table.extent[rows[known]]
-        beam_m[known] = _beam_m(memory, rows[known], now.mean[known, :2], sensors)
-    existence, alternative_m = doubts
-    return Reported(
-        number=table.track_id[rows],
-        updated_s=np.maximum(table.radar_s[rows].max(axis=1, initial=-np.inf), -np.inf if of_plots else table.message_s[rows]),
-        started_s=table.started_s[rows],
-        origin=kernels.tracks.report.most_frequent_origins(table.origins, table.hits, rows),
-        held_mmsi=table.probable_ids(rows, HELD),
-        existence=existence,
-        extent=extent,
-        beam_m=beam_m,
-        alternative_m=alternative_m,
-    )
 
 
 def _radars(memory: RadarMemory, ours: Ints, specified_m: Floats, sensors: Sensors) -> RadarColumns:

@@ -12,11 +12,10 @@ from coastwatch.tracks.radar.bank import Bank, Compiled, Particles
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import TrackManagement, Upkeep
 from coastwatch.tracks.radar.messages import Guiding, MessageUpdate, NoMessages, Sequential, messages_of
-from coastwatch.tracks.radar.method import RadarMethod
 from coastwatch.tracks.radar.motion import Manoeuvres, MotionModels
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.presets import TAGS, Name, expanded, settings_of
-from coastwatch.tracks.radar.region import RegionInput, RegionOutput, update_region
+from coastwatch.tracks.radar.region import RadarMethod, RegionInput, RegionOutput, update_region
 from coastwatch.tracks.radar.table import RadarMemory
 
 UPKEEP_OF = {part.model_fields["method"].default: part.upkeep for part in get_args(get_args(Association)[0])}

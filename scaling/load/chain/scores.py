@@ -25,11 +25,12 @@ from coastwatch.batches import (
 )
 from coastwatch.centre import Cycle
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, earth_centred, to_plane
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scores.bound import bound
 from coastwatch.scores.confusion import Confusion, association, bearing_association
-from coastwatch.scores.gospa import gospa
+from coastwatch.scores.ospa import gospa
 from coastwatch.scores.purity import Identities
-from coastwatch.scores.rmse import Errors, fusion_errors, rows_of
+from coastwatch.scores.rmse import Errors, fusion_errors
 from coastwatch.sensors.simulated.ais import POSITION_STEP_DEG, SOG_STEP_KN
 from coastwatch.sensors.simulated.simulation import ROUNDING, truths_of
 from scaling.load.chain.world import World
@@ -137,7 +138,7 @@ def track_quality(world: World, truth: Truth, radar: Tracks) -> TrackQuality:
         mine = radar.take(radar.source == region)
         covered = np.zeros(len(truth), np.bool_)
         for r in np.flatnonzero(radars.region == region):
-            rows = rows_of(truth.vessel, world.seen[r])
+            rows = row_of(truth.vessel, world.seen[r])
             rows = rows[rows >= 0]
             at_m = to_plane(truth.position_deg[rows], radars.site_deg[r])
             covered[rows[np.hypot(at_m[:, 0], at_m[:, 1]) < radars.range_m[r] - EDGE_M]] = True
@@ -147,7 +148,7 @@ def track_quality(world: World, truth: Truth, radar: Tracks) -> TrackQuality:
 
 def _quality(truth: Truth, covered: Bools, tracks: Tracks) -> TrackQuality:
     """The tracks of one region in one cycle. Args: covered: (V,) of the truth."""
-    at = rows_of(truth.vessel, tracks.origin)
+    at = row_of(truth.vessel, tracks.origin)
     at = np.where(tracks.origin >= 0, at, -1)
     error_m = np.linalg.norm(difference_m(tracks.position_deg, truth.position_deg[at]), axis=1)
     near = np.flatnonzero((at >= 0) & (error_m < OWN_FROM_M))
@@ -175,7 +176,7 @@ def _small(radar: Tracks, world: World) -> Ints:
 
 def _of_sample(time_s: float, origin: Ints, position_deg: Floats, truth: Truth, sample: Ints) -> tuple[float, Ints, Floats]:
     """Squared position errors of the estimates of the sample; those of false tracks are left out."""
-    at = np.where(np.isin(origin, sample), rows_of(truth.vessel, origin), -1)
+    at = np.where(np.isin(origin, sample), row_of(truth.vessel, origin), -1)
     rows = np.flatnonzero(at >= 0)
     squares = (difference_m(position_deg[rows], truth.position_deg[at[rows]]) ** 2).sum(axis=1)
     near = squares < OWN_FROM_M**2
@@ -219,7 +220,7 @@ def _against_bound(
     best = bound(truth, radar, ais, noise_of(world), times)
     ours = bounds = count = 0.0
     for t, (time_s, origin, squares) in enumerate(counted):
-        row = rows_of(sample, origin)
+        row = row_of(sample, origin)
         known = np.isfinite(best.position_deg[row, t, 0])
         row, here = row[known], few.position(row[known], np.full(int(known.sum()), time_s))
         ours += float(squares[known].sum())

@@ -19,9 +19,8 @@ from coastwatch.batches import AisStatics, Bools, Floats, Ints, Sensors
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg, to_plane, within_any
 from coastwatch.scenario import Scenario, ScenarioError
 from coastwatch.scenario.reading import make_scenario
-from coastwatch.sensors.simulated.ais import Transponders, transponders
+from coastwatch.sensors.simulated.ais import Transponders, transmit_static_data, transponders
 from coastwatch.sensors.simulated.simulation import Simulated
-from coastwatch.sensors.simulated.static_data import transmit_static_data
 from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, draw_motion
 from coastwatch.stage import Plan
 

@@ -97,7 +97,7 @@ class BearingColumns(Settings):
     bearing: str | None = None  # deg true
     contact: str | None = None  # the sensor's own track number
     signature: str | None = (
-        None  # number of the VesselClass by its sound, coastwatch/batches/classes.py; other values count as none
+        None  # number of the VesselClass by its sound, coastwatch/batches/ais_codes.py; other values count as none
     )
     site_latitude: str | None = None  # deg, of the sensor, if it moves
     site_longitude: str | None = None  # deg, of the sensor, if it moves

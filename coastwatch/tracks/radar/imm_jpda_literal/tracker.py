@@ -23,9 +23,7 @@ from coastwatch.kernels.tracks.polar_update import PolarPlots
 from coastwatch.stage import NotNegative, Positive, Probability
 from coastwatch.tracks.radar.clutter import ClutterSettings, empty_map, false_plots_per_m2, learn
 from coastwatch.tracks.radar.imm_jpda_literal.memory import NEWEST, Confirmed, ImmJpdaMemory, Preliminary, Tentative
-from coastwatch.tracks.radar.method import RadarMethod
-from coastwatch.tracks.radar.plot_batches import cut, is_usable
-from coastwatch.tracks.radar.region import RegionInput, RegionOutput
+from coastwatch.tracks.radar.region import RadarMethod, RegionInput, RegionOutput, cut, is_usable
 from coastwatch.tracks.radar.report import Reported, report, report_measurements
 
 AHEAD_S = 5.0  # a plot stamped more than this after the cycle is dropped

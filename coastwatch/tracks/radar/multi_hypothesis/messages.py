@@ -16,11 +16,12 @@ from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Messages
 from coastwatch.batches.ais_codes import is_vessel
 from coastwatch.kernels.filters.gaussian import Estimates, gate
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.kernels.tracks.columns import ExistenceColumns
 from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
-from coastwatch.tracks.radar.messages.sequential import Sequential, rounds
+from coastwatch.tracks.radar.messages.hem_brekke import Sequential, rounds
 from coastwatch.tracks.radar.messages.weighing import (
     COARSE,
     begin_named,
@@ -31,8 +32,15 @@ from coastwatch.tracks.radar.messages.weighing import (
 )
 from coastwatch.tracks.radar.motion import Filters
 from coastwatch.tracks.radar.multi_hypothesis.choice import Pruning, choose_and_prune
-from coastwatch.tracks.radar.multi_hypothesis.decided import decide
-from coastwatch.tracks.radar.multi_hypothesis.trees import OWNED, forest_of, shares, with_linked, with_roots, write_chosen
+from coastwatch.tracks.radar.multi_hypothesis.trees import (
+    OWNED,
+    decide,
+    forest_of,
+    shares,
+    with_linked,
+    with_roots,
+    write_chosen,
+)
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.table import RadarMemory, Table
 
@@ -136,12 +144,7 @@ def _children(
     wrong = -math.log(max(1.0 - rules.correct_id, 1e-12))
     own, sent = leaves.mmsi[leaf], messages.mmsi[message]
     usable = is_vessel(sent)
-    held = table.ids[table.live, 0]
-    owner = np.full(len(sent), -1)
-    if len(held):
-        by_name = np.argsort(held, kind="stable")
-        at = np.minimum(np.searchsorted(held[by_name], sent), len(held) - 1)
-        owner = np.where(held[by_name][at] == sent, table.live[by_name][at], -1)
+    owner = np.append(table.live, -1)[row_of(table.ids[table.live, 0], sent)]
     alone = ~usable | ((own != sent) & ((own >= 0) | ((owner >= 0) & (owner != leaves.slot[leaf]))))
     names = np.flatnonzero(usable)
     stays = np.flatnonzero(alone)

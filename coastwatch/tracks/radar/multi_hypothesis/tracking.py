@@ -18,13 +18,13 @@ from coastwatch.kernels.tracks.tree_rows import TreeRows
 from coastwatch.stage import Count, Positive, Settings
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
 from coastwatch.tracks.radar.life.existence import merge_duplicates
-from coastwatch.tracks.radar.messages.sequential import Sequential
+from coastwatch.tracks.radar.messages.hem_brekke import Sequential
 from coastwatch.tracks.radar.multi_hypothesis.choice import Pruning, choose_and_prune, ended, starts
-from coastwatch.tracks.radar.multi_hypothesis.decided import decide
 from coastwatch.tracks.radar.multi_hypothesis.messages import take_messages
 from coastwatch.tracks.radar.multi_hypothesis.trees import (
     AGREED,
     OWNED,
+    decide,
     forest_of,
     keep_heard,
     shares,

@@ -1,4 +1,7 @@
-"""Trees of leaves beside the table of tracks: roots of new tracks, and what a look writes into the slots of its trees."""
+"""Trees of leaves beside the table of tracks: roots of new tracks, what a look writes into the slots of its trees, and the decided past.
+
+After a window of looks the choice of a plot is final, and its state is smoothed by the later ones.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.kernels.tracks.columns import NAMES, PlotColumns
 from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.kernels.tracks.tree_rows import TreeRows
-from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
+from coastwatch.tracks.radar.leaves import Decided, FilterSteps, Forest, Leaves
 from coastwatch.tracks.radar.multi_hypothesis.choice import WIDEST, Pruned
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
@@ -148,3 +151,19 @@ def shares(table: Table, pruned: Pruned, count: int, first: int) -> tuple[Floats
     np.maximum.at(owned, pair[:, 0], np.bincount(of.ravel(), share[confirmed], len(pair)))
     of_any, of_moving = (np.asarray(np.bincount(plot, one, count), np.float64) for one in (share, share * table.moving(slot)))
     return of_any, owned, of_moving
+
+
+def decide(forest: Forest, table: Table, pruned: Pruned, looked: Bools) -> Forest:
+    """This forest with the states that became final by a look, of confirmed tracks.
+
+    Args: forest: with the steps of the leaves that stay; pruned: these leaves; looked: (S,) trees that were looked at.
+    """
+    path = pruned.leaves.step[pruned.start[:-1]]
+    final = looked[pruned.slot] & (table.status[pruned.slot] == Status.CONFIRMED) & (path[:, 0] >= 0)
+    if not final.any():
+        return forest
+    path, steps = path[final], forest.steps
+    mean, covariance = kernels.filters.smoothing.fixed_lag(steps.columns, path)
+    first = path[:, 0]
+    new = Decided(table.track_id[pruned.slot[final]], steps.time_s[first], mean, covariance, steps.radar[first])
+    return replace(forest, decided=Decided.join([forest.decided, new]))

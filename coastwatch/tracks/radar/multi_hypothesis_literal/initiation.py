@@ -5,6 +5,7 @@ Source: E. Liland, AIS aided multi hypothesis tracker, master thesis, NTNU, 2017
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -85,7 +86,10 @@ def begin(
     unused; elapsed: seconds since then, and the factor of the process noise.
     """
     plot_m, variance = plots
-    preliminary = _with_reports(_predicted(before, *elapsed), reports, elapsed[1])
+    move = transition(elapsed[0])
+    covariance = move @ before.covariance @ move.T + process_noise(*elapsed)
+    predicted = replace(before, state=before.state @ move.T, covariance=covariance)
+    preliminary = _with_reports(predicted, reports, elapsed[1])
     preliminary, taken = _checked(settings, preliminary, plot_m, variance)
     speed_m_s = np.hypot(preliminary.state[:, 2], preliminary.state[:, 3])
     fast = speed_m_s > settings.speed_margin * settings.max_speed_m_s
@@ -93,17 +97,6 @@ def begin(
     kept = preliminary.take(~good & ~fast & (preliminary.checked < settings.confirm_looks))
     kept, left_m = _with_pairs(settings, kept, single_m, plot_m[~taken], elapsed[0])
     return Begun(kept, left_m, preliminary.state[good], preliminary.covariance[good])
-
-
-def _predicted(tracks: Preliminary, elapsed_s: float, noise: float) -> Preliminary:
-    move = transition(elapsed_s)
-    return Preliminary(
-        tracks.state @ move.T,
-        move @ tracks.covariance @ move.T + process_noise(elapsed_s, noise),
-        tracks.passed,
-        tracks.checked,
-        tracks.mmsi,
-    )
 
 
 def transition(elapsed_s: float) -> Floats:

@@ -29,11 +29,9 @@ from coastwatch.kernels.tracks.thesis_growth import (
 )
 from coastwatch.stage import Count, CountOrZero, NotNegative, Positive, Probability
 from coastwatch.tracks.radar.messages import messages_of
-from coastwatch.tracks.radar.method import RadarMethod
 from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Decided, ForestMemory, Leaves
 from coastwatch.tracks.radar.multi_hypothesis_literal.initiation import InitiationSettings, begin, transition
-from coastwatch.tracks.radar.plot_batches import is_usable
-from coastwatch.tracks.radar.region import RegionInput, RegionOutput
+from coastwatch.tracks.radar.region import RadarMethod, RegionInput, RegionOutput, is_usable
 from coastwatch.tracks.radar.report import Reported, report, report_measurements
 
 AHEAD_S = 5.0  # a plot stamped more than this after the cycle is dropped

@@ -17,9 +17,7 @@ from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.stage import Count, NotNegative, Positive, Probability
-from coastwatch.tracks.radar.method import RadarMethod
-from coastwatch.tracks.radar.plot_batches import is_usable
-from coastwatch.tracks.radar.region import RegionInput, RegionOutput
+from coastwatch.tracks.radar.region import RadarMethod, RegionInput, RegionOutput, is_usable
 from coastwatch.tracks.radar.report import Reported, report
 from coastwatch.tracks.radar.repulsive_particles.memory import TURN_RAD, Particles, ParticlesMemory, Window
 
