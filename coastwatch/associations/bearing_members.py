@@ -12,7 +12,6 @@ from coastwatch.batches import (
     BearingTracks,
     FusedTracks,
     HeldVessels,
-    Ints,
     Members,
     Picture,
     Sensors,
@@ -62,8 +61,12 @@ def vessel_bearings(
     chosen = chosen[row_of_bearing[chosen] >= 0]
     chosen = chosen[np.argsort(before.vessel_id[chosen], kind="stable")]
     one, bearing = before.take(chosen), bearing_tracks.take(row_of_bearing[chosen])
+    row = row_of_member[chosen].astype(np.int64)
+    vessel, lost = np.append(associations.vessel, -1)[row], np.flatnonzero(row < 0)
+    _, number = np.unique(one.vessel_id[lost], return_inverse=True)
+    vessel[lost] = int(associations.vessel.max(initial=-1)) + 1 + number  # new numbers after the last, by id
     return VesselBearings(
-        _vessel_numbers(associations, row_of_member[chosen].astype(np.int64), one.vessel_id),
+        vessel,
         one.vessel_id,
         one.track_id,
         one.probability,
@@ -74,14 +77,6 @@ def vessel_bearings(
         one.bias_sigma_rad**2,
         bearing.measured_site_deg,
     )
-
-
-def _vessel_numbers(associations: Associations, row: Ints, vessel_id: Ints) -> Ints:
-    """The vessel of each of these tracks; for rows of -1 new numbers after the last, in order of vessel_id. (B,)"""
-    number_of_track, lost = np.append(associations.vessel, -1)[row], np.flatnonzero(row < 0)
-    _, number = np.unique(vessel_id[lost], return_inverse=True)
-    number_of_track[lost] = int(associations.vessel.max(initial=-1)) + 1 + number
-    return number_of_track
 
 
 def bearing_only_vessels(bearings: VesselBearings, fused: FusedTracks, vessels: int) -> tuple[FusedTracks, HeldVessels]:

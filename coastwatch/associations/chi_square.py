@@ -48,7 +48,6 @@ class SingleScanTest(Method):
         return CrossCovariances.empty()
 
     def step(self, memory: CrossCovariances, given: AssociationInput) -> tuple[CrossCovariances, Associations]:
-        """The memory after a cycle, and its associations."""
         tracks, largest = given.tracks, gate(1.0 - self.significance, STATES)
         # With independent errors D is not greater than with dependent ones, so pairs beyond this limit are not looked at.
         limit = largest * (KEPT if self.dependence == "recursive" else 1.0)

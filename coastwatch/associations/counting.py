@@ -41,7 +41,6 @@ class Counting(Method):
         return PairCounts.zeros()
 
     def step(self, memory: PairCounts, given: AssociationInput) -> tuple[PairCounts, Associations]:
-        """The memory after a cycle, and its associations."""
         hits = find_hits(Check(self.threshold_m), given)
         after, first, second = memory.counted(given.tracks, hits, self.hits, self.misses)
         return after, chosen(given.tracks, first, second, None, hits)
@@ -80,7 +79,6 @@ class TwoCountings(Method):
     def step(
         self, memory: tuple[PairCounts, PairCounts], given: AssociationInput
     ) -> tuple[tuple[PairCounts, PairCounts], Associations]:
-        """The memory after a cycle, and its associations."""
         tracks, hits = given.tracks, find_hits(Check(self.loose_m), given)
         near = hits.take(hits.score[:, 0] <= self.tight_m)
         tight, *pairs_tight = memory[0].counted(tracks, near, self.hits_tight, self.misses_tight)
@@ -106,7 +104,6 @@ class CountedTest(Method):
         return PairCounts.zeros()
 
     def step(self, memory: PairCounts, given: AssociationInput) -> tuple[PairCounts, Associations]:
-        """The memory after a cycle, and its associations."""
         hits = find_hits(Check(self.gate_m, gate(1.0 - self.significance, STATES), measures_states=True), given)
         after, first, second = memory.counted(given.tracks, hits, self.hits, self.misses)
         return after, chosen(given.tracks, first, second, None, hits)
@@ -135,7 +132,6 @@ class TestThenCounting(Method):
         return PairCounts.zeros()
 
     def step(self, memory: PairCounts, given: AssociationInput) -> tuple[PairCounts, Associations]:
-        """The memory after a cycle, and its associations."""
         hits = find_hits(Check(self.threshold_m, measures_states=True), given)
         close = hits.score[:, 1] <= gate(1.0 - self.significance, STATES)
         after, first, second = memory.counted(given.tracks, hits, self.hits, self.misses, close)

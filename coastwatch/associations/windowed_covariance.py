@@ -71,7 +71,6 @@ class WindowedCovariance(Method):
         return WindowMemory(History.empty(self.window, ENTRY))
 
     def step(self, memory: WindowMemory, given: AssociationInput) -> tuple[WindowMemory, Associations]:
-        """The memory after a cycle, and its associations."""
         tracks = given.tracks
         arrays = gate_arrays(tracks, given.spots, self.gate_m)
         history, arrays["track"], arrays["bound"] = self._features(memory.history, tracks, arrays["place"]["row"])

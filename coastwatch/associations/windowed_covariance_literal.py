@@ -61,7 +61,6 @@ class WindowedCovarianceLiteral(Method):
         return float(4.0 * (p - 1) / (p - 4) * stats.f.ppf(self.confidence, 4, p - 4))
 
     def step(self, memory: LiteralMemory, given: AssociationInput) -> tuple[LiteralMemory, Associations]:
-        """The memory after a cycle, and its associations."""
         tracks = given.tracks
         arrays = gate_arrays(tracks, given.spots, self.gate_m)
         history, slot = memory.history.advanced(tracks.track_id, arrays["place"]["row"])

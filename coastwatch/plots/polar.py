@@ -32,7 +32,6 @@ class PolarConversion(Method):
     """By radar, subtracted from its time stamps: positive where they are late. E.g. {north = 1.5} dates a plot 1.5 s earlier."""
 
     def init(self) -> PolarMemory:
-        """The memory before the first cycle."""
         return PolarMemory(0)
 
     def step(

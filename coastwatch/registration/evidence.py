@@ -65,7 +65,11 @@ def evidence(reference_cells: ReferenceCells, azimuth_sigma_rad: float, grid: Gr
     number = np.repeat(np.arange(len(group)), np.diff(np.append(first, len(heard))))
     by_group = np.zeros((len(SEEN_SHARE), len(group), len(grid.range_m), len(searched)), np.float32)
     across = _bell(azimuth, float(np.hypot(BELL_SIGMAS * azimuth_sigma_rad, 0.5 * grid.step_rad)))
-    along, around = _bell(grid.range_m, BELL_M), _around(azimuth)
+    near = np.abs(azimuth[:, None] - azimuth) <= AROUND + 1e-9
+    along, around = (
+        _bell(grid.range_m, BELL_M),
+        (near / near.sum(axis=0)).astype(np.float32),
+    )  # of the mean over the bins around each
     # Vessels in one cell see the same background, so they count as their geometric mean: it is under the mean, which is an e-value
     # however they depend on each other. A lane that is turned onto another lane so counts no more than one vessel a cell.
     _, cell, vessels = np.unique(reference_cells.cell[heard] // 2, return_inverse=True, return_counts=True)
@@ -105,13 +109,6 @@ def _e_values(histogram: Singles, looks: Floats, along: Singles, across: Singles
 def _bell(at: Floats, sigma: float) -> Singles:
     """Weight with which a hit in one bin counts in another. (A, A)"""
     weight: Singles = np.exp(-0.5 * ((at[:, None] - at) / sigma) ** 2).astype(np.float32)
-    return weight
-
-
-def _around(azimuth_rad: Floats) -> Singles:
-    """Weights of the mean over the bins around each. (A, A), columns sum to 1"""
-    near = np.abs(azimuth_rad[:, None] - azimuth_rad) <= AROUND + 1e-9
-    weight: Singles = (near / near.sum(axis=0)).astype(np.float32)
     return weight
 
 

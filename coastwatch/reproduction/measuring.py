@@ -22,7 +22,7 @@ from coastwatch.reproduction.systems import Systems
 from coastwatch.reproduction.trackers import Trackers
 from coastwatch.scenario import Scenario
 from coastwatch.scores.confusion import Confusion, association, bearing_association
-from coastwatch.server.run import RunResult, run_scenario
+from coastwatch.server.run import run_scenario
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import json_value
 
@@ -141,11 +141,13 @@ def measure(job: Job, draw: Draw) -> dict[str, object] | None:
         cycle = math.ceil(at_s / job.scenario.period_s) - 1
         around = cycle - AROUND, cycle + AROUND + 1
         history[f"{at_s:g}"] = {stage: decisions.between(stage, *around) for stage in decisions.rows}
+    scored = job.scenario.warmup_cycles, result.cycles
+    counted = {stage: {**result.scores.get(stage, {}), **decisions.between(stage, *scored)} for stage in decisions.rows}
     plain: dict[str, object] = json_value(
         {
             "seed": job.seed,
             "elapsed_s": result.elapsed_s,
-            "scores": _scores(job, result, decisions),
+            "scores": {**result.scores, **counted},
             "timings_s": result.timings_s,
             "history": history,
             "roc": pairs.as_object() if pairs else None,
@@ -160,9 +162,3 @@ def _unkept(job: Job) -> Scenario:
     every = dict.fromkeys(("spots_every", "associations_every", "registration_every", "checkpoint_every"), 10**9)
     seldom = {**every, "history_error_m": 1e9, "history_max_s": 1e9}
     return job.scenario.model_copy(update={"store": job.scenario.store.model_copy(update=seldom)})
-
-
-def _scores(job: Job, result: RunResult, decisions: Decisions) -> dict[str, object]:
-    first, stop = job.scenario.warmup_cycles, result.cycles
-    counted = {stage: decisions.between(stage, first, stop) for stage in decisions.rows}
-    return {**result.scores, **{stage: {**result.scores.get(stage, {}), **of} for stage, of in counted.items()}}

@@ -35,11 +35,23 @@ NEVER = 10**6  # turns or seconds that no run has: tracks of known origin end wi
 
 def measure(scenario: Scenario, seed: int, asked: Targets) -> dict[str, float | list[float] | None]:
     """The scores of the tracks of region 0, and as `genie_...` those of the bound."""
-    known = of_known_origin(scenario)
-    both = {"": scenario.tracks, "genie_": known}
-    return {
-        f"{name}{key}": value for name, method in both.items() for key, value in _run(scenario, method, seed, asked).items()
-    }
+    sensors = scenario.sensors()
+    found: dict[str, float | list[float] | None] = {}
+    for name, method in {"": scenario.tracks, "genie_": of_known_origin(scenario)}.items():
+        recording = scenario.input.load(sensors, seed, scenario.plan())
+        assert recording.truth is not None
+        scores, mmsi = TargetScores(asked.cutoff_m, asked.near_m), mmsi_of_vessels(recording.for_scores().ais)
+        known = knows_origin(method)
+        for now_s, _, output in cycles(scenario, method, recording, method.init()):
+            truth, tracks = recording.truth.at(now_s), output.tracks
+            near = np.hypot(*difference_m(tracks.position_deg, sensors.radars.site_deg[0]).T) <= asked.within_m
+            counted = (
+                np.isin(tracks.origin, truth.vessel) if known else near
+            )  # of known origin: those of targets that are there
+            scores = scores.seen(truth, tracks.take(counted), mmsi)
+        found |= {f"{name}{key}": value for key, value in scores.as_dict().items()}
+        found[f"{name}every_ospa_m"] = list(scores.every_ospa_m)
+    return found
 
 
 def of_known_origin(scenario: Scenario) -> TableTracker:
@@ -48,20 +60,6 @@ def of_known_origin(scenario: Scenario) -> TableTracker:
         raise TypeError(f"targets: got tracks.method = {scenario.tracks.method!r}, needed one of a table of tracks")
     upkeep = TrackManagement(delete_misses=NEVER, misses_per_hit=NEVER, coast_s=NEVER)
     return TableTracker(association=KnownOrigin(), motion=scenario.tracks.motion, upkeep=upkeep)
-
-
-def _run(scenario: Scenario, method: RadarTracker, seed: int, asked: Targets) -> dict[str, float | list[float] | None]:
-    sensors = scenario.sensors()
-    recording = scenario.input.load(sensors, seed, scenario.plan())
-    assert recording.truth is not None
-    scores, mmsi = TargetScores(asked.cutoff_m, asked.near_m), mmsi_of_vessels(recording.for_scores().ais)
-    known = knows_origin(method)
-    for now_s, _, found in cycles(scenario, method, recording, method.init()):
-        truth, tracks = recording.truth.at(now_s), found.tracks
-        near = np.hypot(*difference_m(tracks.position_deg, sensors.radars.site_deg[0]).T) <= asked.within_m
-        counted = np.isin(tracks.origin, truth.vessel) if known else near  # of known origin: those of targets that are there
-        scores = scores.seen(truth, tracks.take(counted), mmsi)
-    return {**scores.as_dict(), "every_ospa_m": list(scores.every_ospa_m)}
 
 
 def knows_origin(method: RadarTracker) -> bool:

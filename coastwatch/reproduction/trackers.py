@@ -15,7 +15,7 @@ from coastwatch.batches import Floats, Plots, RadarExcess, Truth
 from coastwatch.geodesy import to_plane
 from coastwatch.reproduction.region_inputs import cycle_inputs
 from coastwatch.scenario import Scenario
-from coastwatch.scores.multi_target import Figures, MultiTargetScores
+from coastwatch.scores.targets import Figures, MultiTargetScores
 from coastwatch.stage import Count, NotNegative, Positive, Running, Settings
 from coastwatch.tracks import ParticlesMemory, RadarTracker, RegionInput
 

@@ -161,7 +161,7 @@ class _File:
 
 
 class WireStream:
-    """The reports of some files, by the time they were made. It is read once, forwards."""
+    """The reports of some files as a `ReportStream`, by the time they were made."""
 
     def __init__(self, files: Sequence[WireFile], sensors: Sensors, lateness_s: float, first_feed: int = 0) -> None:
         """Args: lateness_s: a report may be this much older than the newest before it; first_feed: number of the first one.
@@ -179,7 +179,6 @@ class WireStream:
         self._files = [_File(file, decoder) for file, decoder in zip(files, decoders, strict=True)]
 
     def between(self, after_s: float, until_s: float) -> Reports:
-        """As `ReportStream.between`."""
         for file in self._files:
             file.read_beyond(until_s + self._lateness_s)
         return Reports.merged([Reports.empty(), *(source(after_s, until_s) for source in self._report_sources)])
@@ -191,7 +190,6 @@ class WireStream:
         return Reports.merged([Reports.empty(), *(source(-math.inf, math.inf) for source in self._report_sources)])
 
     def rest(self, after_s: float) -> int:
-        """As `ReportStream.rest`."""
         count, until_s = 0, after_s
         while not all(file.is_read for file in self._files):
             part = self.between(after_s, until_s)
@@ -208,9 +206,7 @@ class WireStream:
         return min(first_s, default=math.inf), max(newest_s, default=-math.inf)
 
     def faults(self) -> tuple[Fault, ...]:
-        """As `ReportStream.faults`."""
         return tuple(fault for file in self._files for fault in file.faults())
 
     def contents(self) -> tuple[FileContent, ...]:
-        """As `ReportStream.contents`."""
         return tuple(file.content() for file in self._files)

@@ -96,7 +96,6 @@ class ReceivedTracks(Method):
     ahead_s: Positive = 5.0  # a state stamped more than this after the cycle is dropped
 
     def init(self) -> ReceivedMemory:
-        """No track."""
         none = np.zeros(0, np.int64)
         return ReceivedMemory(
             ReceivedTable.empty(), Differences(np.zeros((0, KEPT)), np.zeros((0, KEPT))), 1, none, none.copy()

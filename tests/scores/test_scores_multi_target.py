@@ -7,7 +7,7 @@ import pytest
 from test_scores_targets import tracks_at, truth_at
 
 from coastwatch.batches import Tracks
-from coastwatch.scores.multi_target import MultiTargetScores
+from coastwatch.scores.targets import MultiTargetScores
 
 pytestmark = pytest.mark.oracle
 

@@ -48,7 +48,6 @@ class CfarExtraction(Method):
     masks: Masks = Masks()  # where nothing is looked for
 
     def init(self) -> ExtractionMemory:
-        """The memory before the first cycle."""
         return ExtractionMemory({})
 
     def step(self, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, RadarReports]:
@@ -100,7 +99,6 @@ class AbsoluteExtraction(Method):
     masks: Masks = Masks()  # where nothing is looked for
 
     def init(self) -> ExtractionMemory:
-        """The memory before the first cycle."""
         return ExtractionMemory({})
 
     def step(self, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, RadarReports]:

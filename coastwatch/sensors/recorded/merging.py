@@ -94,24 +94,20 @@ def _utc(time_s: float) -> str:
 
 
 class MergedStream:
-    """Reports in memory and streams as one stream."""
+    """Reports in memory and streams as one `ReportStream`."""
 
     def __init__(self, fixed: Reports, streams: Sequence[ReportStream]) -> None:
         self._parts: tuple[Reports | ReportStream, ...] = (fixed, *streams)
         self._fixed, self._streams = fixed, streams
 
     def between(self, after_s: float, until_s: float) -> Reports:
-        """As `ReportStream.between`."""
         return Reports.merged([part.between(after_s, until_s) for part in self._parts])
 
     def rest(self, after_s: float) -> int:
-        """As `ReportStream.rest`."""
         return len(self._fixed.between(after_s, np.inf)) + sum(part.rest(after_s) for part in self._streams)
 
     def faults(self) -> tuple[Fault, ...]:
-        """As `ReportStream.faults`."""
         return tuple(fault for stream in self._streams for fault in stream.faults())
 
     def contents(self) -> tuple[FileContent, ...]:
-        """As `ReportStream.contents`."""
         return tuple(content for stream in self._streams for content in stream.contents())

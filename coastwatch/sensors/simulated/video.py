@@ -183,7 +183,7 @@ def _way(ship: Ship, span_s: float) -> list[tuple[float, float]]:
 
 
 class VideoStream:
-    """The video of simulated radars, one turn after the other. The first turn of each begins with the run."""
+    """The video of simulated radars as a `ReportStream`, one turn after the other. The first turn of each begins with the run."""
 
     def __init__(
         self,
@@ -201,7 +201,6 @@ class VideoStream:
         self._newest: dict[int, tuple[int, RadarVideo]] = {}
 
     def between(self, after_s: float, until_s: float) -> Reports:
-        """As `ReportStream.between`."""
         start_s, stop_s = self._span_s
         parts = []
         for radar, period_s in enumerate(self._sensors.radars.period_s.tolist()):
@@ -216,11 +215,9 @@ class VideoStream:
         return 0
 
     def faults(self) -> tuple[Fault, ...]:
-        """As `ReportStream.faults`."""
         return ()
 
     def contents(self) -> tuple[FileContent, ...]:
-        """As `ReportStream.contents`."""
         return ()
 
     def _turn(self, radar: int, number: int) -> RadarVideo:

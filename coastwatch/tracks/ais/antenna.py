@@ -52,7 +52,6 @@ class HullMiddle(Method):
     ramp_s: Positive = 60.0  # over which they move
 
     def init(self) -> Antennas:
-        """No ship."""
         return Antennas.empty()
 
     def step(self, memory: Antennas, given: tuple[AisReports, AisStatics, float]) -> tuple[Antennas, AisReports]:

@@ -188,7 +188,9 @@ def update_region(
     queue = _MessagesInTurn.of(association, messages, parts, heard, memory)
     memory = memory.with_clutter_map(parts.clutter, sensors.radars)
     good = is_usable(plots, time_s, upkeep.ahead_s)
-    plots = _whole_hulls(parts, memory, plots if good.all() else plots.take(good), time_s)
+    plots = plots if good.all() else plots.take(good)
+    if not np.isnan(plots.extent[:, 0]).all():  # pieces inside the hull of a confirmed track of known length are one plot
+        plots = joined(plots, _hulls(parts, memory, time_s, LEAST_PLOTS)[1], sensors.radars.period_s)
     if upkeep.echo_sigma_m > 0.0:
         plots = replace(plots, covariance=plots.covariance + upkeep.echo_sigma_m**2 * np.eye(2))
     ours = np.flatnonzero(sensors.radars.region == region)
@@ -297,13 +299,6 @@ def _beam_m(memory: RadarMemory, rows: Ints, position_m: Floats, sensors: Sensor
     newest = memory.table.radar_s[rows].argmax(axis=1) if memory.table.radar_s.shape[1] else np.zeros(len(rows), np.int64)
     off_m = position_m - memory.site_m[newest]
     return np.asarray(sensors.radars.beam_rad[newest] * np.hypot(off_m[:, 0], off_m[:, 1]))
-
-
-def _whole_hulls(parts: Parts, memory: RadarMemory, plots: Plots, time_s: float) -> Plots:
-    """The plots, with the pieces inside the hull of a confirmed track of known length as one plot."""
-    if np.isnan(plots.extent[:, 0]).all():
-        return plots
-    return joined(plots, _hulls(parts, memory, time_s, LEAST_PLOTS)[1], parts.sensors.radars.period_s)
 
 
 def _with_whole_ships(parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:

@@ -75,7 +75,6 @@ class TableTracker(RadarMethod):
 
     @property
     def holds_messages(self) -> bool:
-        """Whether AIS messages are in the tracks that it reports."""
         return not (isinstance(self.messages, NoMessages) or self.messages.guides)
 
     @classmethod
@@ -86,13 +85,11 @@ class TableTracker(RadarMethod):
     def messages_of(
         self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
     ) -> Messages:
-        """The AIS messages of a cycle that a region is given. Args: as of `coastwatch.tracks.radar.messages.messages_of`."""
         if isinstance(self.messages, NoMessages):
             return Messages.empty()
         return messages_of(reports, ais, sensors, region, interval_s)
 
     def init(self) -> RadarMemory:
-        """No track."""
         bank = self.bank.of(self.motion)
         return RadarMemory.empty(len(bank.models), bank.particles)
 

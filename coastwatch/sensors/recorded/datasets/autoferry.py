@@ -72,10 +72,13 @@ class Autoferry(Method):
         tally = Tally()
         radar, bearing = _radar_reports(frames, self, sensors, tally), _bearing_reports(frames, self, sensors, tally)
         faults += tally.faults()
-        contents = (_content(frames, self, len(radar) + len(bearing)),)
-        return Recording(
-            Reports(radar=radar, bearing=bearing), _trajectories(truth, plan.instants_s), faults, contents=contents
-        )
+        off = ((LIDAR,) if not self.use_lidar else ()) + ((INFRARED, VISIBLE) if not self.use_cameras else ())
+        span = (float(frames.time_s.min()), float(frames.time_s.max())) if len(frames.time_s) else (math.nan, math.nan)
+        beside = ((NOT_USED, int(np.isin(frames.sensor, off).sum())),)
+        used = len(radar) + len(bearing)
+        content = FileContent(frames.name, "returns and bearings", used, *span, read=frames.read, beside=beside)
+        reports, true = Reports(radar=radar, bearing=bearing), _trajectories(truth, plan.instants_s)
+        return Recording(reports, true, faults, contents=(content,))
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last arrival."""
@@ -164,14 +167,6 @@ def _returns(detections: list[Any], name: str, tally: Tally) -> _Returns:
         name=name,
         read=refused + sum(map(len, frames)),
     )
-
-
-def _content(returns: _Returns, settings: Autoferry, used: int) -> FileContent:
-    """What was taken from the file, and which returns are of sensors that the settings leave out."""
-    off = ((LIDAR,) if not settings.use_lidar else ()) + ((INFRARED, VISIBLE) if not settings.use_cameras else ())
-    times = (float(returns.time_s.min()), float(returns.time_s.max())) if len(returns.time_s) else (math.nan, math.nan)
-    beside = ((NOT_USED, int(np.isin(returns.sensor, off).sum())),)
-    return FileContent(returns.name, "returns and bearings", used, *times, read=returns.read, beside=beside)
 
 
 def _measured(sensor: int, measurement: Any) -> Floats:

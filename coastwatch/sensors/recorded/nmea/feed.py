@@ -128,7 +128,7 @@ class _FileStream:
         return self._at_end and not self._decoded
 
     def between(self, after_s: float, until_s: float) -> tuple[AisReports, AisStatics]:
-        """As `NmeaStream.between`, of this file."""
+        """As `ReportStream.between`, of this file."""
         reports, statics = self._due(after_s, until_s)
         while self.newest_s <= until_s and (block := self.block()) is not None:
             self._reports.append(block[0])
@@ -245,27 +245,23 @@ def _split(parts: list[Timed], after_s: float, until_s: float) -> tuple[list[Tim
 
 
 class NmeaStream:
-    """The reports of several files, merged by time of reception. It is read once, forwards."""
+    """The reports of several files as a `ReportStream`, merged by time of reception."""
 
     def __init__(self, settings: Nmea, paths: Sequence[Path], first_feed: int) -> None:
         self._tally = Tally()
         self._files = [_FileStream(settings, path, self._tally, feed) for feed, path in enumerate(paths, first_feed)]
 
     def between(self, after_s: float, until_s: float) -> Reports:
-        """The reports with after_s < received_s <= until_s. Older ones are dropped; those after wait for the next call."""
         parts = (file.between(after_s, until_s) for file in self._files)
         return Reports.merged([Reports(ais=reports, statics=statics) for reports, statics in parts])
 
     def rest(self, after_s: float) -> int:
-        """As `ReportStream.rest`."""
         return sum(file.rest(after_s) for file in self._files)
 
     def faults(self) -> tuple[Fault, ...]:
-        """The records that were refused or set aside so far."""
         return self._tally.faults()
 
     def contents(self) -> tuple[FileContent, ...]:
-        """What was taken from each file so far."""
         return tuple(file.content() for file in self._files)
 
 

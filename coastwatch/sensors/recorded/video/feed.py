@@ -66,7 +66,7 @@ class VideoFiles(Method):
 
 
 class VideoFileStream:
-    """The video of files of CAT 240 and of others, by time. It is read once, forwards."""
+    """The video of files of CAT 240 and of others as a `ReportStream`, by time."""
 
     def __init__(self, files: WireStream, pictures: Sequence[Pictures], haxr: Sequence[HaxrFile], radars: Radars) -> None:
         """Args: files: of CAT 240, and of any other wire format. Raises: OSError, InputError that names the file."""
@@ -75,12 +75,10 @@ class VideoFileStream:
         self._others += [HaxrStream(one, radars, self._tally) for one in haxr]
 
     def between(self, after_s: float, until_s: float) -> Reports:
-        """As `ReportStream.between`."""
         turns = Videos(tuple(turn for one in self._others for turn in one.between(after_s, until_s)))
         return Reports.merged([self._files.between(after_s, until_s), Reports(video=turns)])
 
     def rest(self, after_s: float) -> int:
-        """As `ReportStream.rest`."""
         return self._files.rest(after_s) + sum(one.after(after_s) for one in self._others)
 
     def spans(self) -> list[Floats]:
@@ -94,9 +92,7 @@ class VideoFileStream:
         return span_of(*found, faults=self.faults())
 
     def faults(self) -> tuple[Fault, ...]:
-        """As `ReportStream.faults`."""
         return (*self._files.faults(), *self._tally.faults())
 
     def contents(self) -> tuple[FileContent, ...]:
-        """As `ReportStream.contents`."""
         return (*self._files.contents(), *(one.content() for one in self._others))

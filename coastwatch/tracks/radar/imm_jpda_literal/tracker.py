@@ -90,7 +90,6 @@ class ImmJpdaLiteral(RadarMethod):
         return self
 
     def init(self) -> ImmJpdaMemory:
-        """No track."""
         return ImmJpdaMemory.empty()
 
     def step(self, memory: ImmJpdaMemory, given: RegionInput) -> tuple[ImmJpdaMemory, RegionOutput]:

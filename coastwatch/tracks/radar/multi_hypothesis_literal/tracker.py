@@ -78,17 +78,14 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
 
     @property
     def holds_messages(self) -> bool:
-        """AIS messages are in the tracks that it reports."""
         return True
 
     def messages_of(
         self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
     ) -> Messages:
-        """The AIS messages of a cycle that a region is given. Args: as of `coastwatch.tracks.radar.messages.messages_of`."""
         return messages_of(reports, ais, sensors, region, interval_s)
 
     def init(self) -> ForestMemory:
-        """No track."""
         return ForestMemory.empty(self.window)
 
     def begun(self, state: Floats, time_s: float) -> ForestMemory:
