@@ -171,8 +171,7 @@ class ShipTypes(Batch):
 
     def of(self, mmsi: Ints) -> Ints:
         """The class of each of these, -1 where it is not known. Args: (V,), -1 allowed."""
-        row = find(self.mmsi, mmsi)
-        return np.where(row >= 0, self.vessel_class[row], -1) if len(self.mmsi) else np.full(len(mmsi), -1, np.int64)
+        return np.append(self.vessel_class, -1)[find(self.mmsi, mmsi)]
 
 
 def class_log_odds(signatures: Ints, vessel_class: Ints, confusion: Floats, habit: float, doubt: float) -> Floats:

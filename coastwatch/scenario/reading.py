@@ -24,10 +24,8 @@ class ScenarioError(InputError):
 
 def scenario_names() -> list[tuple[str, str]]:
     """Name and title of every shipped scenario, sorted."""
-    names = []
-    for path in sorted(scenarios_folder().glob("*/scenario.toml")):
-        names.append((path.parent.name, str(tomllib.loads(path.read_text("utf-8")).get("title", ""))))
-    return names
+    paths = sorted(scenarios_folder().glob("*/scenario.toml"))
+    return [(path.parent.name, str(tomllib.loads(path.read_text("utf-8")).get("title", ""))) for path in paths]
 
 
 def load_scenario(name_or_path: str, overrides: Mapping[str, str] | None = None) -> Scenario:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch.batches import Ints
+from coastwatch.kernels.tables.lookup import find
 
 NONE = np.zeros(0, np.int64)
 SHIFT = np.int64(1) << 32  # origin and identity in one number; both stay below 2**31
@@ -81,7 +82,4 @@ def _summed(keys: Ints, counts: Ints, added: Ints) -> tuple[Ints, Ints]:
 
 def _looked_up(keys: Ints, values: Ints, wanted: Ints) -> Ints:
     """The values of wanted keys, 0 where there is no such key. Args: keys: sorted."""
-    if not len(keys):
-        return np.zeros(len(wanted), np.int64)
-    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    return np.where(keys[at] == wanted, values[at], 0)
+    return np.append(values, 0)[find(keys, wanted)]

@@ -291,13 +291,17 @@ def transmit_static_data(
     )
     until = np.inf if truth.silent_to_s is None else truth.silent_to_s
     quiet = silent[:, None] & (times - start_s >= truth.silent_from_s) & (times - start_s < until)
+    rng, ship_type = np.random.default_rng([seed, LIES]), TYPES[kind, 0].astype(np.int64)
+    never_set, wrong, other = rng.random(count), rng.random(count), rng.choice(len(TYPES), count)
+    ship_type = np.where(wrong < truth.type_wrong_share, TYPES[other, 0].astype(np.int64), ship_type)
+    ship_type = np.where(never_set < truth.type_missing_share, 0, ship_type)
     row, sent = np.nonzero((times <= stop_s) & ~quiet & np.isin(mmsi, reports_mmsi)[:, None])
     made = AisStatics(
         received_s=times[row, sent],
         mmsi=mmsi[row],
         name=name[row],
         call_sign=call_sign[row],
-        ship_type=_sent_types(truth, TYPES[kind, 0].astype(np.int64), seed)[row],
+        ship_type=ship_type[row],
         length_m=length[row],
         beam_m=np.maximum(np.round(length[row] / LENGTH_OVER_BEAM), 2.0),
     )
@@ -316,25 +320,10 @@ def _identities(count: int, seed: int) -> tuple[Array, Array, Ints, Floats]:
     """Name, call sign, row of TYPES and length in metres of this many transponders."""
     rng = np.random.default_rng([seed, WHO])
     number = np.arange(count)
-    name = _joined(FIRST[rng.integers(0, len(FIRST), count)], " ", LAST[rng.integers(0, len(LAST), count)])
-    name = np.where(number < 256, name, _joined(name, " ", (number % 1000).astype("U3"))).astype("U20")
+    name = FIRST[rng.integers(0, len(FIRST), count)] + " " + LAST[rng.integers(0, len(LAST), count)]
+    name = np.where(number < 256, name, name + " " + (number % 1000).astype("U3")).astype("U20")
     call = np.ascontiguousarray(LETTERS[rng.integers(0, 26, (count, 4))]).view("U4").ravel() if count else np.zeros(0, "U4")
-    call_sign = _joined(call, rng.integers(0, 10, count).astype("U1")).astype("U7")
+    call_sign = (call + rng.integers(0, 10, count).astype("U1")).astype("U7")
     kind = rng.choice(len(TYPES), count, p=TYPES[:, 1])
     length = np.round(rng.uniform(TYPES[kind, 2], TYPES[kind, 3]))
     return name, call_sign, kind, length
-
-
-def _sent_types(truth: AisTruth, ship_type: Ints, seed: int) -> Ints:
-    """The ship type that each transponder sends: 0 if it was never set, another if it was set wrong. Args: ship_type: (C,) true."""
-    rng = np.random.default_rng([seed, LIES])
-    missing, wrong, other = rng.random(len(ship_type)), rng.random(len(ship_type)), rng.choice(len(TYPES), len(ship_type))
-    sent = np.where(wrong < truth.type_wrong_share, TYPES[other, 0].astype(np.int64), ship_type)
-    return np.where(missing < truth.type_missing_share, 0, sent)
-
-
-def _joined(*parts: Array | str) -> Array:
-    out: Array = np.asarray(parts[0])
-    for part in parts[1:]:
-        out = np.strings.add(out, part)
-    return out
