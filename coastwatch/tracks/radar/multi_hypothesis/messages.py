@@ -21,7 +21,7 @@ from coastwatch.kernels.tracks.columns import ExistenceColumns
 from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
-from coastwatch.tracks.radar.messages.hem_brekke import Sequential, rounds
+from coastwatch.tracks.radar.messages.hem_brekke import Sequential
 from coastwatch.tracks.radar.messages.weighing import (
     COARSE,
     begin_named,
@@ -59,14 +59,8 @@ class Heard(NamedTuple):
     log_ratio: Floats  # (A,) likelihood over that of a message of a vessel without a track
 
 
-def take_messages(pruning: Pruning, parts: Parts, rules: Sequential, memory: RadarMemory, messages: Messages) -> RadarMemory:
-    """The memory after these messages. Messages whose gates have no track in common are taken together."""
-    for some in rounds(parts, rules, memory.table, messages):
-        memory = _take_round(pruning, parts, rules, memory, some)
-    return memory
-
-
-def _take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: RadarMemory, messages: Messages) -> RadarMemory:
+def take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: RadarMemory, messages: Messages) -> RadarMemory:
+    """The memory after these messages, whose gates have no track in common."""
     forest, table, batch = forest_of(memory, pruning.window), memory.table, columns_of(messages)
     leaves, first = forest.leaves, forest.next_plot
     heard = _heard(parts, rules, leaves, messages)

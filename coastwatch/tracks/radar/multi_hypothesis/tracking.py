@@ -18,9 +18,9 @@ from coastwatch.kernels.tracks.tree_rows import TreeRows
 from coastwatch.stage import Count, Positive, Settings
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
 from coastwatch.tracks.radar.life.existence import merge_duplicates
-from coastwatch.tracks.radar.messages.hem_brekke import Sequential
+from coastwatch.tracks.radar.messages.hem_brekke import Sequential, rounds
 from coastwatch.tracks.radar.multi_hypothesis.choice import Pruning, choose_and_prune, ended, starts
-from coastwatch.tracks.radar.multi_hypothesis.messages import take_messages
+from coastwatch.tracks.radar.multi_hypothesis.messages import take_round
 from coastwatch.tracks.radar.multi_hypothesis.trees import (
     AGREED,
     OWNED,
@@ -92,8 +92,10 @@ class MultiHypothesis(Settings):
         return _begin(parts, replace(memory, forest=forest), existence, batch), taken
 
     def take_messages(self, parts: Parts, rules: Sequential, memory: RadarMemory, messages: Messages) -> RadarMemory:
-        """The memory after these messages, each at its own time. Args: messages: sorted by time."""
-        return take_messages(self._pruning, parts, rules, memory, messages)
+        """The memory after these messages, each at its own time, those without a common track together. Args: messages: sorted by time."""
+        for some in rounds(parts, rules, memory.table, messages):
+            memory = take_round(self._pruning, parts, rules, memory, some)
+        return memory
 
     @property
     def _pruning(self) -> Pruning:
