@@ -39,6 +39,9 @@ MOST_POINTS = 1000
 LINE_REACH_M = 5000.0
 """How far from a line the ways are that are compared with it: longer than any way of a cycle."""
 
+SIDES = {"both": (-1, 1), "to_left": (-1,), "to_right": (1,)}
+"""To which sides a vessel crosses, -1: to the left, by the rule of a line."""
+
 WIDEST_DEG = 170.0
 SHORTEST_LINE_M, SMALLEST_AREA_M2 = 1.0, 1.0
 NORTHERNMOST_DEG = 85.0
@@ -379,14 +382,13 @@ def _moments(
     rows = np.flatnonzero(~gone & np.isin(left.subject, with_alarm))
     key = [left.vessel_id[rows] * KEYS + AlarmKind.ZONE_LEAVE]
     subject, to_right = [left.subject[rows]], [np.full(len(rows), np.nan)]
-    for shape in by_number.values():
-        wanted = {"both": (-1, 1), "to_left": (-1,), "to_right": (1,)}.get(shape.zone.crossing)
-        if wanted is None:
-            continue
-        moved = np.flatnonzero(seen.moved)
-        near = moved[_may_cross(shape, seen.way_from_deg[moved], positions.position_deg[moved])]
+    lines = [shape for shape in by_number.values() if shape.zone.crossing in SIDES]
+    starts = ByLatitude(seen.way_from_deg) if lines else positions
+    for shape in lines:
+        near = np.union1d(starts.near(shape), positions.near(shape))  # of a way its begin or end is near the line
+        near = near[seen.moved[near]]
         sides = np.sign(shape.crossings(seen.way_from_deg[near], positions.position_deg[near]))
-        rows_now = np.isin(sides, wanted)
+        rows_now = np.isin(sides, SIDES[shape.zone.crossing])
         key.append(seen.picture.vessel_id[near[rows_now]] * KEYS + AlarmKind.LINE_CROSSED)
         subject.append(np.full(int(rows_now.sum()), shape.number))
         to_right.append(sides[rows_now].astype(np.float64))
@@ -398,13 +400,3 @@ def _moments(
     joint = joint_keys(keys)[0]
     _, first = np.unique(joint, return_index=True)  # a new one is before an old one
     return Moments(keys[0][first], keys[1][first], until_s[first], sides_of[first])
-
-
-def _may_cross(shape: Shape, from_deg: Floats, to_deg: Floats) -> Bools:
-    """Which ways begin or end in the box about a line, `LINE_REACH_M` wider than the line. (K,)"""
-    south, north, half = shape.box_deg
-    is_near = np.zeros(len(from_deg), np.bool_)
-    for place in (from_deg, to_deg):
-        away_deg = np.abs((place[:, 1] - shape.middle_deg[1] + 180.0) % 360.0 - 180.0)
-        is_near |= (place[:, 0] >= south) & (place[:, 0] <= north) & (away_deg <= half)
-    return is_near
