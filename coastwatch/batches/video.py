@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from coastwatch.batches.struct import Batch, Struct, column
 from coastwatch.kernels.arrays import Array, Floats, Ints
+
+OF_SPOKES = ("time_s", "received_s", "azimuth_rad", "site_deg", "level", "missing", "vessel_m")
+"""Columns of `RadarVideo` with a row for each spoke."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +47,23 @@ class RadarVideo(Struct):
     def __len__(self) -> int:
         return len(self.time_s)
 
+    @property
+    def scale(self) -> tuple[float, float, int, int]:
+        """Near edge and length of a cell, m, bits and number of cells: spokes of one radar and scale can be joined."""
+        return self.first_m, self.cell_m, self.bits, self.level.shape[1]
+
     def take(self, rows: Array | slice) -> RadarVideo:
         """The spokes at these indices or under this mask, in that order."""
-        names = ("time_s", "received_s", "azimuth_rad", "site_deg", "level", "missing", "vessel_m")
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+        return replace(self, **{name: getattr(self, name)[rows] for name in OF_SPOKES})
+
+    @staticmethod
+    def join(parts: Sequence[RadarVideo]) -> RadarVideo:
+        """The spokes of all parts, one after the other. Args: parts: one or more, of one radar, scale and number of vessels."""
+        first, *more = parts
+        if not more:
+            return first
+        columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in OF_SPOKES}
+        return replace(first, **columns)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ As Fig. 2 of F. Heymann et al., Validation of Radar Image Tracking Algorithms wi
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import matplotlib
@@ -111,20 +112,8 @@ def _turn_at(videos: Videos, at_s: float, period_s: float) -> RadarVideo | None:
     if not near:
         return None
     first = min(near, key=lambda part: float(np.abs(part.time_s - at_s).min()))
-    scale = (first.first_m, first.cell_m, first.bits, first.level.shape[1])
-    same = [part for part in videos.parts if (part.first_m, part.cell_m, part.bits, part.level.shape[1]) == scale]
-    joined = RadarVideo(
-        sensor=first.sensor,
-        first_m=first.first_m,
-        cell_m=first.cell_m,
-        time_s=np.concatenate([p.time_s for p in same]),
-        received_s=np.concatenate([p.received_s for p in same]),
-        azimuth_rad=np.concatenate([p.azimuth_rad for p in same]),
-        site_deg=np.concatenate([p.site_deg for p in same]),
-        level=np.concatenate([p.level for p in same]),
-        bits=first.bits,
-        missing=np.concatenate([p.missing for p in same]),
-    )
+    same = [replace(part, vessel_m=part.vessel_m[:, :0]) for part in videos.parts if part.scale == first.scale]
+    joined = RadarVideo.join(same)
     forward = np.diff(joined.azimuth_rad, prepend=0.0) % TURN_RAD
     forward[forward > TURN_RAD - BACK_RAD] -= TURN_RAD
     turn = np.floor(np.cumsum(forward) / TURN_RAD)

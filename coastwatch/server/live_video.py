@@ -60,7 +60,7 @@ class Sector(NamedTuple):
 class _Turn:
     """The picture of one radar. A row is an azimuth; angles are in rows and grow from turn to turn."""
 
-    scale: tuple[float, ...]
+    scale: tuple[float, float, int, int]  # as of `RadarVideo`
     begun: int
     cells: Ints  # (K, RANGES) cells of the video in each cell of the picture, some of them repeated
     is_blind: Array  # (RANGES,) bool: before the first cell
@@ -151,13 +151,12 @@ class LiveVideo:
         if not len(video):
             return
         cells, turn = video.level.shape[1], self._turns.get(video.sensor)
-        scale = (video.first_m, video.cell_m, cells, video.bits)
-        if turn is None or turn.scale != scale:
+        if turn is None or turn.scale != video.scale:
             range_m = video.first_m + cells * video.cell_m
             edge = (np.arange(RANGES + 1) * (range_m / RANGES) - video.first_m) / video.cell_m
             low, high = np.floor(edge[:-1] + 1e-6).astype(np.int64), np.ceil(edge[1:] - 1e-6).astype(np.int64)
             found = np.clip(np.minimum(low + np.arange((high - low).max())[:, None], high - 1), 0, cells - 1)
-            turn = _Turn(scale, self._number, found, high <= 0, range_m)
+            turn = _Turn(video.scale, self._number, found, high <= 0, range_m)
             self._turns[video.sensor], self._sectors[video.sensor] = turn, [None] * SECTORS
         azimuth = video.azimuth_rad * (AZIMUTHS / (2.0 * np.pi))
         if turn.azimuth != turn.azimuth:
@@ -183,7 +182,7 @@ class LiveVideo:
 
     def _close(self, radar: int, turn: _Turn, following: int) -> None:
         """Give out the sector that the beam has left, and those without spokes before the following one."""
-        shades = shades_of(turn.levels, self._db_per_level[radar], int(turn.scale[3]))
+        shades = shades_of(turn.levels, self._db_per_level[radar], turn.scale[2])
         for number in range(turn.open, min(following, turn.open + SECTORS)):
             place = number % SECTORS
             level = turn.level[place * ROWS : (place + 1) * ROWS]

@@ -208,34 +208,12 @@ def _joined(parts: list[RadarVideo]) -> tuple[RadarVideo, ...]:
     groups: list[list[RadarVideo]] = []
     newest: dict[int, list[RadarVideo]] = {}
     for part in parts:
-        group = newest.get(part.sensor)
-        if group is None or not _follows(group[-1], part):
+        group, begins_s = newest.get(part.sensor), float(part.received_s[0])
+        if group is None or group[-1].scale != part.scale or float(group[-1].received_s[-1]) > begins_s:
             groups.append(group := [])
             newest[part.sensor] = group
         group.append(part)
-    return tuple(_one(group) for group in groups)
-
-
-def _follows(before: RadarVideo, part: RadarVideo) -> bool:
-    """Whether spokes are of the same scale, and later."""
-    scale, other = ((v.first_m, v.cell_m, v.bits, v.level.shape[1]) for v in (before, part))
-    return scale == other and float(before.received_s[-1]) <= float(part.received_s[0])
-
-
-def _one(group: list[RadarVideo]) -> RadarVideo:
-    """One batch of several of one scale."""
-    if len(group) == 1:
-        return group[0]
-    return replace(
-        group[0],
-        time_s=np.concatenate([part.time_s for part in group]),
-        received_s=np.concatenate([part.received_s for part in group]),
-        azimuth_rad=np.concatenate([part.azimuth_rad for part in group]),
-        site_deg=np.concatenate([part.site_deg for part in group]),
-        level=np.concatenate([part.level for part in group]),
-        missing=np.concatenate([part.missing for part in group]),
-        vessel_m=np.concatenate([part.vessel_m for part in group]),
-    )
+    return tuple(map(RadarVideo.join, groups))
 
 
 def _decoder(feed: FeedSettings, sensors: Sensors) -> VideoDecoder:
