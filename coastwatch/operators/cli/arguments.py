@@ -58,6 +58,16 @@ class Parser(argparse.ArgumentParser):
         raise InputError(f"{message.removeprefix('argument ')} (see {self.prog} --help)")
 
 
+class Version(argparse.Action):
+    """Reads the version only when it is asked for: to import what reads package metadata takes longer than parsing."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
+        from importlib.metadata import version
+
+        print(f"coastwatch {version('coastwatch')}")
+        parser.exit()
+
+
 def completed_by(action: argparse.Action, function: str | None = None) -> None:
     """Says how a shell completes the value of an argument: by a function, or with files."""
     action.complete = FILES if function is None else {"bash": function, "zsh": function}  # type: ignore[attr-defined]

@@ -13,6 +13,7 @@ from coastwatch.operators.cli.arguments import (
     SONAR,
     STATION,
     Parser,
+    Version,
     add_box,
     add_db,
     add_format,
@@ -47,16 +48,6 @@ exit codes: 0 done, 1 failed, 2 bad input, 4 a figure fell or a target was misse
  the reader of the output closed it.
 COASTWATCH_TRACEBACK=1 in the environment prints the traceback of an error.
 All commands, settings and questions: coastwatch/operators/REFERENCE.md"""
-
-
-class _Version(argparse.Action):
-    """Reads the version only when it is asked for: to import what reads package metadata takes longer than parsing."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
-        from importlib.metadata import version
-
-        print(f"coastwatch {version('coastwatch')}")
-        parser.exit()
 
 
 AddOptions = Callable[[Parser], None]
@@ -105,7 +96,7 @@ def make_parsers(command: str | None = None) -> dict[str, Parser]:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
+    parser.add_argument("--version", action=Version, nargs=0, help="print the version")
     parsers, places = {"": parser}, {"": parser.add_subparsers(title="commands", metavar="COMMAND", required=True)}
     for name, act, summary, add_options in COMMANDS:
         group, _, verb = name.rpartition(" ")
@@ -207,11 +198,8 @@ def serve(parser: Parser) -> None:
     """
     from coastwatch.server.deployment import FROM_FILE_ALONE, Deployment, Option, flag  # other commands do not wait for it
 
-    narrower: dict[str, Callable[[str], object]] = {
-        "workers": workers,
-        "speed": speed,
-        "db": database,
-    }  # ranges refused in one sentence
+    # ranges refused in one sentence
+    narrower: dict[str, Callable[[str], object]] = {"workers": workers, "speed": speed, "db": database}
     for name, field in Deployment.model_fields.items():
         if name in FROM_FILE_ALONE:
             continue
@@ -244,9 +232,8 @@ def feed(parser: Parser) -> None:
     text = "where to, as --feed of serve: ais+tcp (connect), ais+listen, ais+udp, ais+file, asterix+udp, video+udp, json+tcp; repeatable"
     parser.add_argument("--to", metavar="URL", action="append", required=True, help=text)
     add_set(parser, "override a setting of the scenario; repeatable")
-    parser.add_argument(
-        "--speed", metavar="N", type=speed, default=1.0, help="times as fast as the clock, 0.1 to 100 (default: 1)"
-    )
+    text = "times as fast as the clock, 0.1 to 100 (default: 1)"
+    parser.add_argument("--speed", metavar="N", type=speed, default=1.0, help=text)
 
 
 @_command("video", "video:video", "say what radar video comes")
@@ -293,9 +280,8 @@ def runs(parser: Parser) -> None:
     one, `runs keep N` all but the newest N; a run that is being written stays. Status died: it was not ended, and its process
     is gone, or has written nothing for a minute.
     """
-    parser.add_argument(
-        "action", metavar="delete|keep", nargs="?", choices=("delete", "keep"), help="what to do (default: list)"
-    )
+    text = "what to do (default: list)"
+    parser.add_argument("action", metavar="delete|keep", nargs="?", choices=("delete", "keep"), help=text)
     parser.add_argument("number", metavar="N", nargs="?", type=whole, help="number of the run to delete, or how many to keep")
     add_db(parser)
     add_rows(parser, ("table", "csv", "json"))
@@ -320,9 +306,8 @@ def track(parser: Parser) -> None:
     parser.add_argument("vessel", metavar="ID", type=whole, help="vessel id, as in `coastwatch picture` (not the MMSI)")
     add_run(parser)
     add_format(parser)
-    parser.add_argument(
-        "--limit", metavar="N", type=count, help="of --format table: newest rows of each table that are shown (default: 20)"
-    )
+    text = "of --format table: newest rows of each table that are shown (default: 20)"
+    parser.add_argument("--limit", metavar="N", type=count, help=text)
     text = "show where it was by what came later: states that a tracker decided and smoothed (`multi_hypothesis`)"
     parser.add_argument("--decided", action="store_true", help=text)
 
@@ -424,9 +409,8 @@ def plot(parser: Parser) -> None:
     add_set(parser, "with --video: override a setting of the scenario; repeatable")
     add_run(parser)
     add_moment(parser)
-    parser.add_argument(
-        "--output", metavar="PNG", type=png_file, default="picture.png", help="file to write (default: picture.png)"
-    )
+    text = "file to write (default: picture.png)"
+    parser.add_argument("--output", metavar="PNG", type=png_file, default="picture.png", help=text)
     text = (
         "GeoJSON of land or shore lines, or none (default: the scenario's, if it has one, else Natural Earth 1:10m for a frame of 8 NM "
         "or more)"
