@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TypedDict, cast
@@ -127,11 +126,9 @@ class Vessel:
         return [Rows(rows.columns, path) for path in paths if path]
 
 
-@contextmanager
-def opened(url: str, limit: QueryLimit | None = None) -> Iterator[Store]:
-    """The database, which must exist. Args: limit: of each read transaction. Raises: StoreError."""
-    with store.open_store(url, create=False, limit=limit) as database:
-        yield database
+def opened(url: str, limit: QueryLimit | None = None) -> Store:
+    """The database, which must exist, for a `with` block. Args: limit: of each read transaction. Raises: StoreError."""
+    return store.open_store(url, create=False, limit=limit)
 
 
 def run(database: Store, run_id: int | None) -> Run:

@@ -55,10 +55,6 @@ def text() -> str:
     return "\n".join(parts).rstrip() + "\n"
 
 
-def _cell(value: object) -> str:
-    return str(value).replace("|", "\\|").replace("\n", " ")
-
-
 def _prose(text: str) -> str:
     """Paragraphs in lines that fit on a screen; lists and code stay as they are."""
     lines = [
@@ -72,7 +68,7 @@ def _rows(head: tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> Iterator
     yield "| " + " | ".join(head) + " |"
     yield "|" + "---|" * len(head)
     for row in rows:
-        yield "| " + " | ".join(_cell(value) for value in row) + " |"
+        yield "| " + " | ".join(str(value).replace("|", "\\|").replace("\n", " ") for value in row) + " |"
     yield ""
 
 

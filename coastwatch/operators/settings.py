@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
-from pydantic.fields import FieldInfo
 
 from coastwatch.scenario.refusing import models_of
 
@@ -119,7 +118,9 @@ def _table(model: type[BaseModel], header: str, *, chosen: bool) -> Table:
             below.append((key, tuple(models)))
         else:
             meaning = " ".join((field.description or meanings.get(key, "")).split())
-            settings.append(Setting(key, kind_of(field.annotation, field.metadata), unit_of(key), _default(field), meaning))
+            value = None if field.is_required() else field.get_default(call_default_factory=True)
+            default = "needed" if field.is_required() else "none" if value is None else json.dumps(value, default=str)
+            settings.append(Setting(key, kind_of(field.annotation, field.metadata), unit_of(key), default, meaning))
     return Table(header, method, chosen, model, tuple(settings), tuple(below))
 
 
@@ -154,15 +155,6 @@ def _limits(metadata: Sequence[object]) -> str:
         for constraint in getattr(item, "metadata", [item]):
             limits += [f"{sign} {getattr(constraint, name):g}" for name, sign in BOUNDS.items() if hasattr(constraint, name)]
     return " " + ", ".join(limits) if limits else ""
-
-
-def _default(field: FieldInfo) -> str:
-    if field.is_required():
-        return "needed"
-    value = field.get_default(call_default_factory=True)
-    if value is None:
-        return "none"
-    return json.dumps(value, default=str)
 
 
 def _comments(model: type[BaseModel]) -> dict[str, str]:
