@@ -206,10 +206,6 @@ class AlarmBook:
             self._listeners.tell()
         return len(alarms)
 
-    def alarm(self, alarm_id: str) -> Alarm | None:
-        """One alarm; None: it is not here."""
-        return self._alarms.get(alarm_id)
-
     def alarms(self, chosen: Chosen = Chosen()) -> list[Alarm]:
         """The alarms, the most urgent first, then the newest."""
         _, _, every = self.snapshot()

@@ -135,7 +135,10 @@ class PlotsOfVideo:
         """The feeds, with what is made of the video of their radars. It writes into them."""
         for feed in feeds:
             for radar in feed.get("radars", ()):
-                self._add_to(radar)
+                made = self._made(radar["name"], radar["turn_s"])
+                radar["plots_a_turn"], radar["threshold_db"] = made.get("plots_a_turn"), made.get("threshold_db")
+                radar["detection_probability"] = made.get("detection_probability")
+                radar["false_plots_a_turn"] = made.get("false_plots_a_turn")
         return feeds
 
     def stored(self, feeds: Sequence[FeedState], sensors: Sensors) -> Floats:
@@ -153,13 +156,6 @@ class PlotsOfVideo:
             state |= self._made(name, state.get("turn_s"))
             row[:] = [math.nan if (value := state.get(column)) is None else value for column in VIDEO_VALUES]
         return values
-
-    def _add_to(self, radar: RadarState) -> None:
-        made = self._made(radar["name"], radar["turn_s"])
-        radar["plots_a_turn"] = made.get("plots_a_turn")
-        radar["threshold_db"] = made.get("threshold_db")
-        radar["detection_probability"] = made.get("detection_probability")
-        radar["false_plots_a_turn"] = made.get("false_plots_a_turn")
 
     def _made(self, name: str, turn_s: float | None) -> Made:
         """What is made of the video of a radar; empty: nothing yet. Args: turn_s: measured."""

@@ -6,12 +6,11 @@ import json
 import logging
 import sys
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any, Self
 
 from coastwatch.operators.api.service import Service
-from coastwatch.server.troubles import Trouble
 
 LOG = logging.getLogger("coastwatch.serve")
 POLL_S = 1.0
@@ -102,17 +101,14 @@ class Watch:
             if refusal and self._errors.get(name) != refusal:
                 self._errors[name] = refusal
                 LOG.warning(refusal, extra={"fields": {"feed": name}})
-        self._look_at_troubles(self._service.troubles())
+        troubles = {(trouble.kind, trouble.name): trouble for trouble in self._service.troubles()}
+        for key in troubles.keys() - self._troubles:
+            LOG.warning(troubles[key].text, extra={"fields": {"trouble": key[0], **({"name": key[1]} if key[1] else {})}})
+        for kind, name in self._troubles - troubles.keys():
+            LOG.info("trouble is over", extra={"fields": {"trouble": kind, **({"name": name} if name else {})}})
+        self._troubles = set(troubles)
         counts = source.counts()
         late = counts.get("cycles_late", 0.0)
         if late > self._late:
             LOG.warning("cycles late", extra={"fields": {"cycles_late": late, "late_s": round(counts.get("late_s", 0.0), 2)}})
         self._late = late
-
-    def _look_at_troubles(self, troubles: Sequence[Trouble]) -> None:
-        now = {(trouble.kind, trouble.name): trouble for trouble in troubles}
-        for key in now.keys() - self._troubles:
-            LOG.warning(now[key].text, extra={"fields": {"trouble": key[0], **({"name": key[1]} if key[1] else {})}})
-        for kind, name in self._troubles - now.keys():
-            LOG.info("trouble is over", extra={"fields": {"trouble": kind, **({"name": name} if name else {})}})
-        self._troubles = set(now)
