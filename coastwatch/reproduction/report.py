@@ -15,7 +15,7 @@ from coastwatch.reproduction.json_report import Folder, Reproduction, as_object
 from coastwatch.reproduction.planning import Wanted
 from coastwatch.reproduction.published import Published
 from coastwatch.reproduction.running import records
-from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.timing import date_utc, machine
 
 PAGE, NUMBERS = "report.html", "report.json"
 

@@ -11,7 +11,7 @@ from coastwatch.reproduction.measuring import Draw, measure
 from coastwatch.reproduction.planning import Job
 from coastwatch.reproduction.two_filters import TwoFilters
 from coastwatch.sensors.simulated.video import SimulatedVideo
-from coastwatch.server.many import over_processes
+from coastwatch.server.processes import over_processes
 
 Progress = Callable[[int, int, str], None]
 VESSEL_CYCLE_S = 6e-5  # computing time of one vessel in one cycle, on one core of the 2-core machine; only for the estimate

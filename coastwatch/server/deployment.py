@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import shlex
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_origin
@@ -18,13 +18,16 @@ from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from coastwatch.alarms import Zone
 from coastwatch.errors import InputError
-from coastwatch.scenario import Scenario
+from coastwatch.scenario import Scenario, ScenarioError, TrackSource, refuse_shared_names
 from coastwatch.scenario.refusing import refusals
 from coastwatch.shipped import DEFAULT_DB
 from coastwatch.stage import Settings
 
 LATENESS_S = {"all": 2.0, "region": 2.0, "centre": 5.0}
 """A centre waits for its regions, which wait for their radars."""
+
+PATIENCE_S = 10.0
+"""A track that its region has not sent for so long is dropped: a region sends all its tracks in every cycle."""
 
 TABLES = ("server", "feeds", "regions", "webhooks")
 FILES = ("token-file", "ca-file", "password-file")
@@ -276,6 +279,30 @@ def with_zones(scenario: Scenario, zones: tuple[Zone, ...]) -> Scenario:
             f"zones: got the name {twice!r} {names.count(twice)} times in the scenario and the server file, needed each once"
         )
     return scenario.model_copy(update={"zones": (*scenario.zones, *zones)})
+
+
+def of_centre(scenario: Scenario, regions: Sequence[str]) -> Scenario:
+    """The scenario with a track source for each region and without radars. A source that it has already keeps its settings.
+
+    Raises: ScenarioError: two regions of one name.
+    """
+    return with_track_sources(scenario, regions, PATIENCE_S).model_copy(update={"radars": ()})
+
+
+def with_track_sources(scenario: Scenario, names: Sequence[str], patience_s: float = 30.0) -> Scenario:
+    """The scenario with a track source of each of these names. One that it has already keeps its settings.
+
+    Args: patience_s: of the new ones.
+    Raises: ScenarioError: a name is there twice; InputError, as of `refuse_shared_names`.
+    """
+    twice = sorted({name for name in names if list(names).count(name) > 1})
+    if twice:
+        count = list(names).count(twice[0])
+        raise ScenarioError(f"track source: got the name {twice[0]!r} {count} times, needed each once: name=NAME")
+    present = {source.name for source in scenario.track_sources}
+    added = tuple(TrackSource(name=name, patience_s=patience_s) for name in names if name not in present)
+    refuse_shared_names(scenario.radars, added, scenario.sonars)
+    return scenario.model_copy(update={"track_sources": (*scenario.track_sources, *added)})
 
 
 def of_file(path: Path) -> dict[str, Any] | None:

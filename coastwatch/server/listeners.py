@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
 
 
 class Listeners:
@@ -31,3 +33,19 @@ class Listeners:
             listeners = list(self._listeners.values())
         for listener in listeners:
             listener()
+
+
+@asynccontextmanager
+async def woken_by(listen: Callable[[Callable[[], None]], Callable[[], None]]) -> AsyncIterator[asyncio.Event]:
+    """An event that is set at each change. Args: listen: takes what is called at a change, in any thread; returns what ends that."""
+    loop, wake = asyncio.get_running_loop(), asyncio.Event()
+
+    def tell() -> None:
+        with suppress(RuntimeError):  # the loop has been closed
+            loop.call_soon_threadsafe(wake.set)
+
+    stop = listen(tell)
+    try:
+        yield wake
+    finally:
+        stop()

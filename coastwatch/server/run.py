@@ -6,7 +6,7 @@ import importlib.metadata
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple, Protocol
@@ -22,17 +22,17 @@ from coastwatch.scores import add, result, start
 from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import CheckpointSchedule, Point
 from coastwatch.server.input import AtOnce, Input
-from coastwatch.server.signals import handled_by
+from coastwatch.server.processes import handled_by
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.video_health import PlotsOfVideo
 from coastwatch.server.warm_up import warm_up
 from coastwatch.server.watched_zones import WatchedZones
 from coastwatch.server.writer import CycleWriter, batch_writer
+from coastwatch.shipped import DEFAULT_DB
 from coastwatch.stage import Plan
 from coastwatch.store import CycleRecord, ForCentres, SkippedCycle, Store, Written
 from coastwatch.workers import Workers, open_workers, processors
 
-DEFAULT_DATABASE = "sqlite:///coastwatch.db"
 Progress = Callable[[int, int, str], None]
 OnCycle = Callable[[Cycle], None]
 OnInput = Callable[[tuple[FileContent, ...], tuple[Fault, ...]], None]
@@ -146,7 +146,7 @@ def run_scenario(
     started = time.perf_counter()
     seed = scenario.seed if seed is None else seed
     count = scenario.workers.count if workers is None else workers
-    database = database or DEFAULT_DATABASE
+    database = database or DEFAULT_DB
     report = progress or (lambda done, total, text: None)
     report(0, 1, "reading input")
     sensors = scenario.sensors()
@@ -158,6 +158,12 @@ def run_scenario(
             on_input(whole.recording.all_contents(), whole.recording.faults)
     else:
         source, total, stop, schedule = live.source, 1, live.stop, CheckpointSchedule(scenario.store, scenario.period_s)
+
+    def on_signal(*_: object) -> None:  # a second one does not wait for the end of the cycle
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
     with store.open_store(database) as opened:
         if restart:
             store.discard_runs(opened, scenario.name, seed)
@@ -166,7 +172,7 @@ def run_scenario(
             video = any("radars" in feed for feed in source.feeds())
             warm_up(scenario, sensors, partial(report, 0, total), opened_workers, video=video)
             point = run.begin(resume, processors(count))
-            with _interrupt_as_flag(stop) if live is None else nullcontext():
+            with handled_by(on_signal) if live is None else nullcontext():
                 try:
                     with run.writing() as run.writer:
                         point = run.cycles(point, report, on_cycle)
@@ -378,16 +384,3 @@ class _Run:
         self.writer.put(record)
         watch.lap()
         return after, cycle, warning, stopped
-
-
-@contextmanager
-def _interrupt_as_flag(event: threading.Event) -> Iterator[None]:
-    """Ctrl-C or SIGTERM set this event, so that a cycle is completed. A second signal raises KeyboardInterrupt."""
-
-    def note(*_: object) -> None:
-        if event.is_set():
-            raise KeyboardInterrupt
-        event.set()
-
-    with handled_by(note):
-        yield

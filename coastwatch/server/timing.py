@@ -1,13 +1,17 @@
-"""Wall-clock time of each stage of each cycle."""
+"""Wall-clock time of each stage of each cycle; date and machine of a computation, for reports."""
 
 from __future__ import annotations
 
+import os
+import platform
 import statistics
 import time
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
 
 KEPT = 20_000
 """Cycles of which times are kept, 8 bytes a stage each: a run of a server lasts for months. Totals are of all cycles."""
@@ -66,3 +70,24 @@ class Stopwatch:
                 "share": self.totals_s[stage] / everything if everything > 0.0 else 0.0,
             }
         return figures
+
+
+def date_utc() -> str:
+    """The date and time now, ISO 8601, whole minutes."""
+    return datetime.now(UTC).isoformat(timespec="minutes").replace("+00:00", "Z")
+
+
+def machine() -> dict[str, str | int | float]:
+    """Processor, number of processors, operating system, Python, and the load of the last minute."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return {
+        "processor": next(names, platform.machine()),
+        "processors": os.cpu_count() or 1,
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+        "load": round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else 0.0,
+    }

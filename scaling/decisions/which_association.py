@@ -23,7 +23,7 @@ from coastwatch.reproduction.planning import Wanted
 from coastwatch.reproduction.published import Published, papers
 from coastwatch.reproduction.side_by_side import SideBySide, measure
 from coastwatch.scenario import load_scenario
-from coastwatch.server.many import over_processes
+from coastwatch.server.processes import over_processes
 from scaling.load.seeds import seed_range
 
 FAMILIES = "easy", "normal", "difficult", "very-difficult"

@@ -16,7 +16,7 @@ import numpy as np
 
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scores.confusion import Confusion
-from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.timing import date_utc, machine
 from scaling.load import baseline, national
 from scaling.load.options import as_arguments, errors_as_one_line, load_parser
 from scaling.load.progress import report_progress

@@ -18,7 +18,7 @@ import numpy as np
 from coastwatch.cycle import run_cycle, start_run
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import load_scenario
-from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.timing import date_utc, machine
 from coastwatch.stage import serial
 from scaling.load.options import errors_as_one_line
 from scaling.load.progress import report_progress

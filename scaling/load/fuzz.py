@@ -28,9 +28,9 @@ from coastwatch.formats.nmea.ais import Receivers
 from coastwatch.formats.registry import FORMATS
 from coastwatch.operators.cli.arguments import count, whole
 from coastwatch.scenario import load_scenario
+from coastwatch.server.deployment import with_track_sources
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.sending import encoded
-from coastwatch.server.regions.scenario import with_track_sources
 from coastwatch.stage import serial, serial_regions
 from scaling.load.options import errors_as_one_line
 from scaling.load.processes import memory_bytes

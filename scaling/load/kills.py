@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from coastwatch.operators.cli.arguments import count, whole
-from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.timing import date_utc, machine
 
 PERIOD_S = 1.0
 PATIENCE_S = 900.0  # a busy machine that compiles the kernels for the first time

@@ -30,7 +30,7 @@ import tomli_w
 from coastwatch.operators.cli.arguments import count
 from coastwatch.server.feeds.address import Address, parsed
 from coastwatch.server.feeds.sending import STEP_S, Batch, encoded, send
-from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.timing import date_utc, machine
 from scaling.load.chain.reports import State, initial_state, next_cycle
 from scaling.load.chain.world import Size, World, build_world, conditions, scenario_document
 from scaling.load.hostile import HOST, free_ports, wait_for_cycles

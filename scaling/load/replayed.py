@@ -36,8 +36,8 @@ from coastwatch.server.feeds.address import Address, parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import Batch, encoded, send
 from coastwatch.server.live import LiveRun
-from coastwatch.server.machine import date_utc, machine
 from coastwatch.server.run import run_scenario
+from coastwatch.server.timing import date_utc, machine
 
 STEP_S, LATENESS_S, PATIENCE_S = 0.2, 2.0, 900.0
 AIS, RADAR = "ais+tcp://127.0.0.1:1", "asterix+udp://127.0.0.1:1"

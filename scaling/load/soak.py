@@ -21,7 +21,7 @@ from sqlalchemy import make_url
 
 from coastwatch.operators.cli.arguments import count
 from coastwatch.operators.cli.progress import report_progress
-from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.timing import date_utc, machine
 from coastwatch.server.writer import STAGE
 from scaling.load import national
 from scaling.load.cycle import MIB, PERIOD_S, heading

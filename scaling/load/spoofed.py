@@ -31,7 +31,7 @@ import numpy as np
 
 from coastwatch.operators.api.answers import MOST_ROWS
 from coastwatch.operators.cli.arguments import count
-from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.timing import date_utc, machine
 from scaling.load.hold.senders import CENTRE_DEG, FIRST_SPOOFED, position_lines
 from scaling.load.hostile import HOST, SCENARIO, Seen, free_ports, wait_for_cycles
 from scaling.load.kills import COASTWATCH

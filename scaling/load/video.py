@@ -39,7 +39,7 @@ from coastwatch.formats.decoding import FeedSettings, Item
 from coastwatch.operators.api.video_stream import HEADER, SECTOR
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import make_scenario
-from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.timing import date_utc, machine
 from scaling.load.hostile import HOST, free_ports, wait_for_cycles
 from scaling.load.kills import COASTWATCH
 from scaling.load.processes import TICKS_PER_S, memory_bytes, process_tree

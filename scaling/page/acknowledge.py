@@ -15,7 +15,7 @@ import time
 
 from coastwatch.operators import presentation
 from coastwatch.operators.api.application import WEB
-from coastwatch.operators.cli.serving import Followed
+from coastwatch.operators.cli.serving import following
 from scaling.page.browser import chromium, draws
 from scaling.page.fleet import listening
 
@@ -45,8 +45,8 @@ def main() -> None:
     taken_s = []
     with (
         presentation.opened(options.db) as opened,
-        Followed(opened, None) as followed,
-        listening(followed.service, WEB) as address,
+        following(opened, None) as service,
+        listening(service, WEB) as address,
         chromium() as browser,
     ):
         pages = [browser.new_page() for _ in range(2)]

@@ -14,7 +14,7 @@ from PIL import Image
 
 from coastwatch.operators import presentation
 from coastwatch.operators.api.application import WEB
-from coastwatch.operators.cli.serving import Followed
+from coastwatch.operators.cli.serving import following
 from scaling.page.browser import chromium, draws
 from scaling.page.fleet import listening
 
@@ -33,8 +33,8 @@ def main() -> None:
     width, height = map(int, options.size.split("x"))
     with (
         presentation.opened(options.db) as opened,
-        Followed(opened, None) as followed,
-        listening(followed.service, WEB) as address,
+        following(opened, None) as service,
+        listening(service, WEB) as address,
         chromium() as browser,
     ):
         page = browser.new_page(viewport={"width": width, "height": height}, reduced_motion="reduce")  # nothing flashes

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.timing import date_utc, machine
 from scaling.peers.environment import peers, prepare, run_command
 from scaling.peers.exchange import PlotHistory, TaskResult, TrackHistory, input_of, load, save
 from scaling.peers.input import make_history

@@ -20,11 +20,11 @@ from sqlalchemy import text
 
 from coastwatch.batches import AlarmKind, BegunEvents, EventChanges, Flag, VesselAlarms
 from coastwatch.batches.kinds import EVENT_KINDS
-from coastwatch.operators.api import alarm_stream, webhooks
-from coastwatch.operators.api.alarm_stream import AlarmStream
+from coastwatch.operators.api import alarms, webhooks
+from coastwatch.operators.api.alarms import AlarmStream
 from coastwatch.operators.api.service import Service
-from coastwatch.operators.api.webhook_settings import WebHook
-from coastwatch.operators.cli.serving import Followed
+from coastwatch.operators.api.webhooks import WebHook
+from coastwatch.operators.cli.serving import following
 from coastwatch.server.alarm_book import AlarmBook, Chosen
 from coastwatch.server.link import Backoff
 from coastwatch.store import open_store
@@ -105,12 +105,12 @@ def test_what_begins_while_a_long_list_is_sent_comes_with_the_next_portion_and_n
         assert len(every) == 5001
         ids = [mark for _, _, mark in every]
         assert set(ids[:-1]) == {""}, "whoever loses the connection among them begins again"
-        assert ids[-1] == f"1-{service.book.number}-{alarm_stream.PROCESS}"
-        assert max(len(part) for part in rest) <= alarm_stream.PORTION
+        assert ids[-1] == f"1-{service.book.number}-{alarms.PROCESS}"
+        assert max(len(part) for part in rest) <= alarms.PORTION
 
         service.book.apply(begun("dark", range(6001, 6251), 12.0))
         more = (await told(chunks, 1))[0]
-        assert len(more) == alarm_stream.PORTION
+        assert len(more) == alarms.PORTION
         again = await told(AlarmStream(service).events(more[-1][2], lambda: True, 60.0), 250)
         assert {vessel for part in again for _, vessel, _ in part} == set(range(6001, 6251)), "a part was told: all come again"
 
@@ -220,11 +220,10 @@ def test_among_2000_alarms_and_200000_acknowledged_ones_a_man_overboard_comes_fi
         for number in range(2):
             store_world.write(opened, 1, number)
         _acknowledged_ones(opened, 200_000)
-        with Followed(opened, None, poll_s=0.05) as followed:
-            followed.service.webhooks = [WebHook(address)]
-            wait_for(lambda: followed.alarms.run_id > 0)
-            assert followed.alarms.alarms() == [], "what is acknowledged and has ended is read by nobody"
-            with listening(followed.service) as served, httpx.Client(timeout=30.0) as client:
+        with following(opened, None, poll_s=0.05) as service:
+            wait_for(lambda: service.book.run_id > 0)
+            assert service.book.alarms() == [], "what is acknowledged and has ended is read by nobody"
+            with listening(service, hooks=[WebHook(address)]) as served, httpx.Client(timeout=30.0) as client:
                 with client.stream("GET", f"http://{served}/api/v1/alarms/stream") as answer:
                     seen = events(answer)
                     store_world.write(opened, 1, 2, cycle=_flooded_cycle(2, 2000))
@@ -240,7 +239,7 @@ def test_among_2000_alarms_and_200000_acknowledged_ones_a_man_overboard_comes_fi
                     f"http://{served}/api/v1/alarms/{first['alarm_id']}/acknowledge", json={"name": "Ana"}
                 ).json()
                 assert done["acknowledged_by"] == "Ana"
-                assert len(followed.alarms.alarms(Chosen(unacknowledged=True))) == 2000
+                assert len(service.book.alarms(Chosen(unacknowledged=True))) == 2000
 
 
 def _acknowledged_ones(opened: Any, count: int) -> None:

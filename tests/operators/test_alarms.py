@@ -14,7 +14,7 @@ from server_world import Served, events, listening, raise_alarm, wait_for
 
 from coastwatch.batches import AlarmKind, Flag, VesselAlarms
 from coastwatch.batches.kinds import PRIORITIES
-from coastwatch.operators.api import alarm_stream
+from coastwatch.operators.api import alarms
 from coastwatch.server.alarm_book import Alarm
 from coastwatch.store import Rows
 
@@ -27,14 +27,14 @@ def test_an_acknowledgement_is_told_at_once_and_the_stream_ends_with_the_server(
     raise_alarm(changing, 3, 4)
     wait_for(lambda: changing.service.picture().cycle == 3)
     wait_for(lambda: len(changing.service.book.alarms()) == 1)
-    monkeypatch.setattr(alarm_stream, "STOP_S", 60.0)  # nothing is found by looking again
+    monkeypatch.setattr(alarms, "STOP_S", 60.0)  # nothing is found by looking again
     with httpx.Client(timeout=20.0) as client, ExitStack() as opened:
         with listening(changing.service) as address:
             path = f"http://{address}/api/v1/alarms"
             seen = events(opened.enter_context(client.stream("GET", f"{path}/stream")))
             alarm = next(seen)
             time.sleep(0.2)  # now it waits
-            monkeypatch.setattr(alarm_stream, "STOP_S", 0.05)  # of the next wait
+            monkeypatch.setattr(alarms, "STOP_S", 0.05)  # of the next wait
             httpx.post(f"{path}/{alarm['alarm_id']}/acknowledge", json={"name": "Ana"}).raise_for_status()
             assert next(seen)["acknowledged_by"] == "Ana"
         assert list(seen) == []  # a stream that is cut off is an error
@@ -91,7 +91,7 @@ def test_an_id_of_another_process_is_answered_with_all_alarms_and_each_has_its_p
     seen: list[tuple[str, int]] = []
     last = ""
     for process in ("one", "two"):
-        monkeypatch.setattr(alarm_stream, "PROCESS", process)
+        monkeypatch.setattr(alarms, "PROCESS", process)
         with listening(changing.service) as address, ExitStack() as opened:
             client = opened.enter_context(httpx.Client(timeout=20.0, headers={"Last-Event-ID": last}))
             alarm = next(events(opened.enter_context(client.stream("GET", f"http://{address}/api/v1/alarms/stream"))))

@@ -12,8 +12,7 @@ from starlette.datastructures import Headers
 
 from coastwatch.errors import InputError
 from coastwatch.operators.api.guard import Guard
-from coastwatch.operators.api.proxy import trusted
-from coastwatch.operators.api.tokens import Tokens, add
+from coastwatch.operators.api.people import Tokens, add, trusted
 
 pytestmark = pytest.mark.whole
 

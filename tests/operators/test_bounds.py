@@ -24,7 +24,7 @@ from websockets.sync.client import ClientConnection, connect
 from coastwatch.operators.api import bounds, guard, validation
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.guard import Guard
-from coastwatch.operators.api.tokens import Limits, Tokens, add
+from coastwatch.operators.api.people import Limits, Tokens, add
 
 pytestmark = pytest.mark.whole
 

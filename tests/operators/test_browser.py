@@ -24,11 +24,11 @@ from server_world import listening, wait_for
 from coastwatch.batches import Flag
 from coastwatch.centre import Cycle
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.operators.api import tokens
+from coastwatch.operators.api import people
 from coastwatch.operators.api.application import WEB
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.cli import main
-from coastwatch.operators.cli.serving import Followed, bound
+from coastwatch.operators.cli.serving import bound, following
 from coastwatch.store import Store, open_store
 from scaling.page.fleet import served_fleet
 
@@ -75,9 +75,9 @@ class World:
         return more
 
     def start(self) -> None:
-        followed = self._server.enter_context(Followed(self.store, None, poll_s=0.05))
-        address = self._server.enter_context(listening(followed.service, web=WEB, port=self.port))
-        wait_for(lambda: followed.service.hub.picture)
+        service = self._server.enter_context(following(self.store, None, poll_s=0.05))
+        address = self._server.enter_context(listening(service, web=WEB, port=self.port))
+        wait_for(lambda: service.hub.picture)
         self.port = int(address.rpartition(":")[2])
 
     def stop(self) -> None:
@@ -585,10 +585,10 @@ def test_without_an_area_all_vessels_come_into_sight(browser: Any, tmp_path: Pat
 
 
 def test_a_token_is_asked_for_and_opens_the_page(world: World, browser: Any, tmp_path: Path) -> None:
-    made = tokens.add(tmp_path / "tokens.toml", "ana", "viewer", None)
-    guard = Guard(tokens=tokens.Tokens(tmp_path / "tokens.toml"))
-    with Followed(world.store, None, poll_s=0.05) as followed, listening(followed.service, guard, web=WEB) as address:
-        wait_for(lambda: followed.service.hub.picture)
+    made = people.add(tmp_path / "tokens.toml", "ana", "viewer", None)
+    guard = Guard(tokens=people.Tokens(tmp_path / "tokens.toml"))
+    with following(world.store, None, poll_s=0.05) as service, listening(service, guard, web=WEB) as address:
+        wait_for(lambda: service.hub.picture)
         watch = Watch(browser.new_page(viewport=SIZE), int(address.rpartition(":")[2]))
         watch.page.goto(f"http://{address}/")
         watch.until("document.getElementById('login').open")

@@ -18,7 +18,7 @@ from server_world import listening, wait_for
 from coastwatch.batches import RadarVideo
 from coastwatch.geodesy import offset_deg
 from coastwatch.operators.api.application import WEB
-from coastwatch.operators.cli.serving import Followed
+from coastwatch.operators.cli.serving import following
 from coastwatch.scenario.sites import Radar, sensors_of
 from coastwatch.server.live_video import LiveVideo
 from coastwatch.store import open_store
@@ -60,10 +60,10 @@ def watch(tmp_path: Path) -> Iterator[Watch]:
         run_id = store_world.begin(opened)
         for number in range(4):
             store_world.write(opened, run_id, number, 60)
-        with Followed(opened, None, poll_s=0.05) as followed:
-            followed.service.video = video
-            with listening(followed.service, web=WEB) as address:
-                wait_for(lambda: followed.service.hub.picture)
+        with following(opened, None, poll_s=0.05) as service:
+            service.video = video
+            with listening(service, web=WEB) as address:
+                wait_for(lambda: service.hub.picture)
                 thread = threading.Thread(target=go_on)
                 thread.start()
                 made = Watch(browser.new_page(viewport=SIZE), int(address.rpartition(":")[2]))

@@ -11,7 +11,7 @@ import pytest
 from server_world import Served, listening
 
 from coastwatch.operators.api.guard import Guard
-from coastwatch.operators.api.tokens import Limits, Tokens, add
+from coastwatch.operators.api.people import Limits, Tokens, add
 
 pytestmark = pytest.mark.whole
 

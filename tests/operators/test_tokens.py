@@ -19,7 +19,7 @@ from websockets.sync.client import connect
 from coastwatch.errors import InputError
 from coastwatch.operators.api.answers import router
 from coastwatch.operators.api.guard import Guard
-from coastwatch.operators.api.tokens import Limits, Tokens, add, read
+from coastwatch.operators.api.people import Limits, Tokens, add, read
 from coastwatch.operators.cli import main, make_parser
 from coastwatch.operators.cli.serving import serve
 
@@ -142,7 +142,7 @@ def test_a_large_body_is_refused_and_a_token_may_ask_so_often(given: dict[str, s
 
 
 def test_a_token_that_asks_on_keeps_its_limit_beside_many_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("coastwatch.operators.api.tokens.MOST_BUCKETS", 3)
+    monkeypatch.setattr("coastwatch.operators.api.people.MOST_BUCKETS", 3)
     limits = Limits(0.001, 5.0)
     assert [limits.wait_s("busy") > 0.0 for _ in range(7)] == 5 * [False] + 2 * [True]
     for number in range(9):

@@ -18,8 +18,8 @@ from server_world import Served, code_of, listening, wait_for
 from websockets.sync.client import ClientConnection, connect
 
 from coastwatch.operators.api.guard import Guard
+from coastwatch.operators.api.people import Tokens, add
 from coastwatch.operators.api.service import Service
-from coastwatch.operators.api.tokens import Tokens, add
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.live_video import LiveVideo
 from coastwatch.store import open_store

@@ -18,8 +18,8 @@ from coastwatch.batches import AlarmKind
 from coastwatch.errors import InputError
 from coastwatch.operators.api import logs, webhooks
 from coastwatch.operators.api.metrics import Metrics
-from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of, signature
-from coastwatch.operators.cli.serving import Followed
+from coastwatch.operators.api.webhooks import WebHook, checked, secret_of, signature
+from coastwatch.operators.cli.serving import following
 from coastwatch.server.link import Backoff
 from coastwatch.store import open_store
 
@@ -58,17 +58,17 @@ def test_alarms_are_sent_signed_and_again_until_they_are_taken(tmp_path: Path) -
     with open_store(str(tmp_path / "sea.db")) as opened, receiver([503, 302]) as (address, taken):
         store_world.begin(opened)
         store_world.write(opened, 1, 0)
-        with Followed(opened, None, poll_s=0.05) as followed:
+        with following(opened, None, poll_s=0.05) as service:
             dead = WebHook("http://127.0.0.1:9/")  # nobody listens there, and the other one does not wait for it
-            followed.service.webhooks = [dead, WebHook(address, ("dark",), "s3cret"), WebHook(address, ("lost",))]
-            wait_for(lambda: followed.alarms.run_id > 0)
-            with listening(followed.service):
+            hooks = [dead, WebHook(address, ("dark",), "s3cret"), WebHook(address, ("lost",))]
+            wait_for(lambda: service.book.run_id > 0)
+            with listening(service, hooks=hooks):
                 served: Any = type("Served", (), {"store": opened})
                 raise_alarm(served, 1, 4)  # the first answer is 503: it comes again; the second, 302, is final
                 wait_for(lambda: len(taken) == 2)
                 raise_alarm(served, 2, None)
                 wait_for(lambda: len(taken) == 3)
-                metrics = followed.service.metrics.text().decode()
+                metrics = service.metrics.text().decode()
     said = [json.loads(body) for _, body in taken]
     assert [(one["event"], one["alarm"]["vessel_id"], one["alarm"]["kind"]) for one in said] == [
         ("opened", 4, "dark"), ("opened", 4, "dark"), ("closed", 4, "dark"),
@@ -95,12 +95,11 @@ def test_deliveries_that_fail_are_a_trouble_until_one_is_taken(
     with open_store(str(tmp_path / "sea.db")) as opened, receiver([503, 503, 503]) as (address, taken):
         store_world.begin(opened)
         store_world.write(opened, 1, 0)
-        with Followed(opened, None, poll_s=0.05) as followed:
-            service = followed.service
-            service.webhooks = [WebHook("http://127.0.0.1:9/hidden"), WebHook(address)]
-            wait_for(lambda: followed.alarms.run_id > 0)
+        with following(opened, None, poll_s=0.05) as service:
+            hooks = [WebHook("http://127.0.0.1:9/hidden"), WebHook(address)]
+            wait_for(lambda: service.book.run_id > 0)
             watch, name = logs.Watch(service), address.split("/")[2]
-            with listening(service):
+            with listening(service, hooks=hooks):
                 assert service.troubles() == []
                 served: Any = type("Served", (), {"store": opened})
                 raise_alarm(served, 1, 4)

@@ -12,7 +12,7 @@ import pytest
 from server_world import Served, listening, wait_for
 
 from coastwatch import store
-from coastwatch.operators.api import tokens
+from coastwatch.operators.api import people
 from coastwatch.operators.api.guard import Guard
 from coastwatch.scenario import load_scenario
 from coastwatch.server import watched_zones
@@ -150,8 +150,8 @@ def test_a_stored_zone_that_is_refused_today_is_shown_and_deleted_and_ends_no_ru
 
 def test_a_viewer_may_look_at_zones_and_not_change_them(served: Served, tmp_path: Path) -> None:
     file = tmp_path / "tokens.toml"
-    viewer, operator = (tokens.add(file, role, role, None) for role in ("viewer", "operator"))
-    with listening(served.service, Guard(tokens=tokens.Tokens(file))) as address:
+    viewer, operator = (people.add(file, role, role, None) for role in ("viewer", "operator"))
+    with listening(served.service, Guard(tokens=people.Tokens(file))) as address:
         path = f"http://{address}/api/v1/zones"
         as_viewer, as_operator = ({"Authorization": f"Bearer {token}"} for token in (viewer, operator))
         assert httpx.get(path, headers=as_viewer).status_code == 200

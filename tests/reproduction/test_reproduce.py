@@ -32,7 +32,7 @@ from coastwatch.reproduction import (
 from coastwatch.reproduction.figures import Line, Made, Spread, at_path, orders
 from coastwatch.reproduction.finished_runs import FinishedRuns
 from coastwatch.reproduction.report_plots import roc_curve
-from coastwatch.server.many import over_processes
+from coastwatch.server.processes import over_processes
 
 pytestmark = pytest.mark.whole
 

@@ -13,11 +13,11 @@ from region_world import region_tracks
 from coastwatch.batches import limits
 from coastwatch.formats.decoding import BROKEN
 from coastwatch.scenario import load_scenario
+from coastwatch.server.deployment import with_track_sources
 from coastwatch.server.regions.client import Connection, parsed_region
 from coastwatch.server.regions.intake import RegionIntake
 from coastwatch.server.regions.link import Position
 from coastwatch.server.regions.message import RegionCycle
-from coastwatch.server.regions.scenario import with_track_sources
 from scaling.load import fuzz
 
 pytestmark = pytest.mark.whole

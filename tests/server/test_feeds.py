@@ -46,12 +46,12 @@ from coastwatch.errors import AddressError, InputError
 from coastwatch.formats.decoding import JUMP
 from coastwatch.formats.nmea.ais import AisDecoder
 from coastwatch.scenario import load_scenario
+from coastwatch.server.deployment import with_track_sources
 from coastwatch.server.feeds import live_input
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import Batch, encoded, of_file, of_scenario, send
 from coastwatch.server.feeds.transport import Item
-from coastwatch.server.regions.scenario import with_track_sources
 from coastwatch.server.run import run_scenario
 from scaling.load import replayed
 

@@ -221,5 +221,5 @@ def test_a_database_that_is_followed_with_a_defect_is_followed_again(served: Ser
     look, _ = fails_first(follower._read_changes)
     monkeypatch.setattr(follower, "_read_changes", look)
     with follower:
-        wait_for(lambda: follower.error == DEFECT)
-        wait_for(lambda: taken and follower.error is None)
+        wait_for(lambda: follower.error() == DEFECT)
+        wait_for(lambda: taken and follower.error() is None)

@@ -11,12 +11,12 @@ from coastwatch import store
 from coastwatch.geodesy import offset_deg
 from coastwatch.operators.api.service import Service
 from coastwatch.scenario import Scenario, load_scenario
+from coastwatch.server.deployment import of_centre
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.live import LiveRun
 from coastwatch.server.regions.client import parsed_region
 from coastwatch.server.regions.message import RegionCycle, RegionTracks, encode
 from coastwatch.server.regions.publisher import Publisher
-from coastwatch.server.regions.scenario import of_centre
 from coastwatch.store import ForCentres, Store
 from coastwatch.store.journal import write_for_centres
 from coastwatch.store.schema.database import writing

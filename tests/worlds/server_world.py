@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,10 +16,11 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from coastwatch.batches import Flag
-from coastwatch.operators.api.application import application
+from coastwatch.operators.api.application import WEB, application
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.service import Service
-from coastwatch.operators.cli.serving import Followed, bound, server_of
+from coastwatch.operators.api.webhooks import WebHook
+from coastwatch.operators.cli.serving import bound, following, server_of
 from coastwatch.store import Store, open_store
 
 
@@ -41,10 +42,11 @@ class Served:
 
 
 @contextmanager
-def listening(service: Service, guard: Guard | None = None, web: Path | None = None, port: int = 0) -> Iterator[str]:
+def listening(
+    service: Service, guard: Guard | None = None, web: Path = WEB, port: int = 0, hooks: Sequence[WebHook] = ()
+) -> Iterator[str]:
     """Serve in a thread. Args: port: 0: a free one. Yields: host:port."""
-    app = application(service, guard or Guard(), *([] if web is None else [web]))
-    server = server_of(app)
+    server = server_of(application(service, guard or Guard(), web, hooks))
     with bound("127.0.0.1", port) as opened:
         port = opened.getsockname()[1]
         thread = threading.Thread(target=server.run, kwargs={"sockets": [opened]})
@@ -84,9 +86,9 @@ def served_sea(folder: Path) -> Iterator[Served]:
         run_id = store_world.begin(opened)
         for number in range(3):
             store_world.write(opened, run_id, number)
-        with Followed(opened, None, poll_s=0.05) as followed, listening(followed.service, web=folder) as address:
-            wait_for(lambda: followed.service.hub.picture)
-            yield Served(address, followed.service, opened)
+        with following(opened, None, poll_s=0.05) as service, listening(service, web=folder) as address:
+            wait_for(lambda: service.hub.picture)
+            yield Served(address, service, opened)
 
 
 def raise_alarm(served: Served, number: int, vessel_id: int | None) -> None:

@@ -15,8 +15,7 @@ from fastapi import APIRouter, Depends, HTTPException, Path, Query, Request, Res
 from pydantic import BaseModel, ConfigDict, Field
 
 from coastwatch import store
-from coastwatch.batches import ALARM_KINDS, COVER_AZIMUTHS, COVER_RANGES, Bools, Flag, Ints
-from coastwatch.batches.kinds import ZONE_KINDS
+from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Bools, Flag, Ints
 from coastwatch.errors import InputError
 from coastwatch.operators import export, presentation
 from coastwatch.operators.api.service import Service
@@ -26,16 +25,13 @@ from coastwatch.operators.selection import order, selected
 from coastwatch.operators.typed import box, utc
 from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture, of_store
 from coastwatch.shipped import scenarios_folder
-from coastwatch.spelling import ONE_LINE
-from coastwatch.store import Asked, Beginnings, NotThere, Rows
+from coastwatch.store import NotThere, Rows
 from coastwatch.store.bbox import inside
 from coastwatch.store.read.picture_queries import COLUMNS
 
 T = TypeVar("T")
 MOST_ROWS, MOST_IDS, MOST_FOUND, NEWEST_POINTS = 10_000, 200, 50, 500
 LARGEST_ID = 2**62
-ALL_KINDS = "alarms"
-MOST_ZONE = 10**9
 FORMATS = {
     "application/json": "json",
     "application/geo+json": "geojson",
@@ -212,10 +208,10 @@ def picture(request: Request, service: In, form: As, chosen: Annotated[Chosen, Q
     page = shown.rows(rows[chosen.offset : chosen.offset + chosen.limit])
     vessels = selected(presentation.in_operator_units(page), (), None, _names(chosen.columns))
     head = {"run": shown.run_id, "cycle": shown.cycle, "time_utc": presentation.utc_text(shown.time_s), "total": len(rows)}
-    headers = _page(request, len(rows), chosen.offset, chosen.limit) | ({"ETag": tag} if tag else {})
+    headers = page_headers(request, len(rows), chosen.offset, chosen.limit) | ({"ETag": tag} if tag else {})
     if at_s is not None and (warning := presentation.beyond_end(service.store, service.run_row(), at_s)):
         head["warning"] = headers["X-Warning"] = f"at: {warning}"
-    return _answer(vessels, form, "vessels", {**head, "offset": chosen.offset}, headers)
+    return answer(vessels, form, "vessels", {**head, "offset": chosen.offset}, headers)
 
 
 @router.get("/frame", responses={200: {"content": {"application/octet-stream": {}}}})
@@ -305,83 +301,13 @@ def _between(
     headers = _counted(len(kept))
     if 0 < limit < len(kept):
         headers["Link"] = _next(request, to=times[kept[-limit - 1]])
-    return _answer(shown, form, of[0], {"vessel_id": of[1], "total": len(kept)}, headers)
-
-
-class ChosenAlarms(BaseModel):
-    """Which alarms."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    format: Form | None = None
-    state: Literal["all", "lasting", "unacknowledged", "waiting"] = "all"  # waiting: lasting or not acknowledged
-    kind: Text = None
-    start: Annotated[str | None, Field(alias="from", max_length=40)] = None
-    end: Annotated[str | None, Field(alias="to", max_length=40)] = None
-    limit: Limit = 1000
-    offset: Offset = 0
-
-
-@router.get("/alarms", responses=ROWS)
-def alarms(request: Request, service: In, form: As, chosen: Annotated[ChosenAlarms, Query()]) -> Response:
-    """The alarms, the most urgent first, then the newest: distress, silent sensors, danger, others. `Link` has the next page.
-
-    An alarm is every flag but coasting and stationary, and every kind of `[alarms]`, from when until when it held.
-    """
-    if chosen.kind is not None and chosen.kind not in (ALL_KINDS, *ALARM_KINDS):
-        raise HTTPException(400, f"kind: got {chosen.kind!r}, needed one of {', '.join((ALL_KINDS, *ALARM_KINDS))}")
-    kinds = ALARM_KINDS if chosen.kind in (None, ALL_KINDS) else (str(chosen.kind),)
-    from_s, to_s = parsed_span(chosen.start, chosen.end)
-    rows, total = service.alarms(Asked(chosen.state, kinds, from_s, to_s, limit=chosen.limit, offset=chosen.offset))
-    headers = _page(request, total, chosen.offset, chosen.limit)
-    return _answer(rows, form, "alarms", {"total": total}, headers)
-
-
-class Acknowledged(BaseModel):
-    """Who acknowledges an alarm."""
-
-    model_config = ConfigDict(extra="forbid", str_strip_whitespace=True)
-
-    name: Annotated[str, Field(min_length=1, max_length=64, pattern=ONE_LINE)]
-    note: Annotated[str, Field(max_length=500, pattern=ONE_LINE)] = ""
-
-
-class AcknowledgedTogether(Acknowledged):
-    """Who acknowledges which alarms."""
-
-    kind: Annotated[str | None, Field(max_length=40)] = None
-    zone: Annotated[int, Field(ge=1, le=MOST_ZONE)] | None = None
-    start: Annotated[str, Field(alias="from", max_length=40)]
-    end: Annotated[str, Field(alias="to", max_length=40)]
-
-
-@router.post("/alarms/acknowledge")
-def acknowledge_together(which: AcknowledgedTogether, request: Request, service: In) -> dict[str, int]:
-    """Acknowledge, with one name and note, every alarm that began between two instants: of a kind, of a zone, or all."""
-    if which.kind is not None and which.kind not in ALARM_KINDS:
-        raise HTTPException(400, f"kind: got {which.kind!r}, needed one of {', '.join(ALARM_KINDS)}")
-    from_s, to_s = parsed_span(which.start, which.end)
-    kinds = [each for each in ALARM_KINDS if which.kind in (None, each) and (which.zone is None or each in ZONE_KINDS)]
-    chosen = Beginnings(kinds, which.zone, from_s or 0.0, to_s or 0.0)
-    return {"acknowledged": service.acknowledge_all(chosen, which.name, which.note, request.state.who)}
-
-
-@router.post("/alarms/{alarm_id}/acknowledge")
-def acknowledge(
-    alarm_id: Annotated[str, Path(max_length=80)], by: Acknowledged, request: Request, service: In
-) -> dict[str, object]:
-    """Acknowledge an alarm with a name and a note. The first one counts, and its row is the audit. Returns: the alarm."""
-    rows = service.acknowledge(alarm_id, by.name, by.note, request.state.who)
-    if rows is None or not rows.rows:
-        raise HTTPException(404, f"alarm: got {alarm_id!r}, needed an alarm_id of /api/v1/alarms")
-    (alarm,) = export.as_objects(rows)
-    return alarm
+    return answer(shown, form, of[0], {"vessel_id": of[1], "total": len(kept)}, headers)
 
 
 @router.get("/sensors", responses=ROWS)
 def sensors(service: In, form: As) -> Response:
     """The sensors with their registration and `health`: heard, silent (after 3 turns, or 60 s of AIS) or never heard."""
-    return _answer(presentation.sensors(service.store, service.run_id(), None), form, "sensors", {})
+    return answer(presentation.sensors(service.store, service.run_id(), None), form, "sensors", {})
 
 
 @router.get("/sensors/{number}/cover", responses=ROWS)
@@ -406,7 +332,7 @@ def sensor_cover(
         raise HTTPException(404, str(error)) from error
     of_radar = Rows(cells.columns, [row for row in cells.rows if row[0] == names[number]])
     listed = "echoes" if grid == "standing" else "cells"
-    return _answer(of_radar, form, listed, {"run": run_id, "radar": names[number], "grid": grid})
+    return answer(of_radar, form, listed, {"run": run_id, "radar": names[number], "grid": grid})
 
 
 @router.get("/feeds")
@@ -418,14 +344,14 @@ def feeds(service: In) -> dict[str, list[dict[str, object]]]:
 @router.get("/runs", responses=WITHOUT_POSITIONS)
 def runs(service: In, form: AsWithoutPositions) -> Response:
     """The runs of the database, newest first."""
-    return _answer(presentation.runs(service.store), form, "runs", {})
+    return answer(presentation.runs(service.store), form, "runs", {})
 
 
 @router.get("/audit", responses=WITHOUT_POSITIONS)
 def audit(request: Request, service: In, form: AsWithoutPositions, limit: Limit = 1000, offset: Offset = 0) -> Response:
     """Who changed what through this API, newest first. For admins. `Link` has the next page."""
     rows, total = service.changes(limit, offset)
-    return _answer(rows, form, "changes", {"total": total}, _page(request, total, offset, limit))
+    return answer(rows, form, "changes", {"total": total}, page_headers(request, total, offset, limit))
 
 
 @router.get("/cycles")
@@ -461,7 +387,7 @@ def _coastline_of(scenario: str) -> pathlib.Path | None:
     return path if path.parent.parent == scenarios_folder() and path.is_file() else None
 
 
-def _page(request: Request, total: int, offset: int, limit: int) -> dict[str, str]:
+def page_headers(request: Request, total: int, offset: int, limit: int) -> dict[str, str]:
     """Headers of a page of rows: how many there are in all, and where the next page is, if there is one."""
     headers = _counted(total)
     if 0 < limit < total - offset:
@@ -520,7 +446,7 @@ def _names(text: str | None) -> Sequence[str]:
     return tuple(part.strip() for part in (text or "").split(",") if part.strip())
 
 
-def _answer(rows: Rows, form: str, name: str, head: Mapping[str, object], headers: dict[str, str] | None = None) -> Response:
+def answer(rows: Rows, form: str, name: str, head: Mapping[str, object], headers: dict[str, str] | None = None) -> Response:
     """The rows in a format; in JSON as the list `name` behind other values. Args: headers: of a page; none: these are all rows."""
     headers = headers or _counted(len(rows.rows))
     if form == "parquet":

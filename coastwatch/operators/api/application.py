@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Annotated
@@ -13,13 +13,13 @@ from fastapi.responses import HTMLResponse, JSONResponse, StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from coastwatch.errors import InputError, StoreError
-from coastwatch.operators.api import answers, validation, video_stream, webhooks, zones
-from coastwatch.operators.api.alarm_stream import AlarmStream
+from coastwatch.operators.api import alarms, answers, validation, video_stream, webhooks, zones
+from coastwatch.operators.api.alarms import AlarmStream
 from coastwatch.operators.api.answers import In
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard, methods_of
-from coastwatch.operators.api.heads import Heads
 from coastwatch.operators.api.service import NoPictureYet, Service
 from coastwatch.operators.api.track_stream import serve_tracks
 from coastwatch.operators.api.wire import PROTOCOL, VERSIONS, spoken
@@ -44,17 +44,20 @@ PLAIN_PAGE = """<!doctype html>
 router = APIRouter(route_class=validation.CheckedRoute)
 
 
-def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
-    """The application of a server. Its `state.stopping` says whether the server ends. Args: web: folder of the page."""
+def application(service: Service, guard: Guard, web: Path = WEB, hooks: Sequence[webhooks.WebHook] = ()) -> FastAPI:
+    """The application of a server. Its `state.stopping` says whether the server ends.
 
-    alarms = AlarmStream(service, lambda: app.state.stopping())
+    Args: web: folder of the page; hooks: to which alarms are sent.
+    """
+
+    stream_of_alarms = AlarmStream(service, lambda: app.state.stopping())
 
     @asynccontextmanager
     async def life(_: FastAPI) -> AsyncIterator[None]:
         service.hub.open()
         service.asked.append(guard.troubles)
         try:
-            async with webhooks.sending(service.webhooks, alarms, service):
+            async with webhooks.sending(hooks, stream_of_alarms, service):
                 yield
         finally:
             service.asked.remove(guard.troubles)
@@ -76,9 +79,9 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
         },
     )
     app.add_exception_handler(WebSocketRequestValidationError, validation.refused_socket)
-    app.state.service, app.state.guard, app.state.alarms = service, guard, alarms
+    app.state.service, app.state.guard, app.state.alarms = service, guard, stream_of_alarms
     app.state.stopping = lambda: False
-    for routes in (answers.router, zones.router, video_stream.router, router):
+    for routes in (answers.router, alarms.router, zones.router, video_stream.router, router):
         app.include_router(routes)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
     app.add_middleware(Heads)
@@ -162,8 +165,8 @@ async def track_stream(
 @router.get("/api/v1/alarms/stream", response_class=StreamingResponse)
 async def alarm_stream(request: Request, last_event_id: Annotated[str, Header(max_length=40)] = "") -> StreamingResponse:
     """Server-sent events: `alarm` is a new or changed row; `run`: forget the rows before. `Last-Event-ID` goes on after an event."""
-    alarms: AlarmStream = request.app.state.alarms
-    events = alarms.events(last_event_id, request.state.allowed, request.state.recheck_s)
+    stream_of_alarms: AlarmStream = request.app.state.alarms
+    events = stream_of_alarms.events(last_event_id, request.state.allowed, request.state.recheck_s)
     return StreamingResponse(events, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
 
@@ -176,6 +179,29 @@ def land(zoom: int, x: int, y: int) -> Response:
         raise HTTPException(404, f"there is no tile {zoom}/{x}/{y}; zooms are 0 to {land_tiles.MOST_ZOOM}")
     headers = {"Cache-Control": "max-age=86400"}
     return Response(land_tiles.tile(zoom, x, y), media_type="application/vnd.mapbox-vector-tile", headers=headers)
+
+
+class Heads:
+    """Has the application answer GET without the body where HEAD is asked of a path that has GET, as monitors probe.
+
+    The framework gives its routes GET alone. Files of the page know HEAD themselves.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """As of ASGI."""
+        if scope["type"] != "http" or scope["method"] != "HEAD" or "GET" not in methods_of(scope):
+            await self._app(scope, receive, send)
+            return
+
+        async def sending(message: Message) -> None:
+            if message["type"] == "http.response.start":  # a stream would never end: its answer ends at once
+                await send(message)
+                await send({"type": "http.response.body"})
+
+        await self._app({**scope, "method": "GET"}, receive, sending)
 
 
 async def _one_sentence(_: Request, error: Exception) -> Response:

@@ -27,8 +27,7 @@ from starlette.websockets import WebSocket
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.bounds import LARGEST_BODY, too_large
 from coastwatch.operators.api.metrics import Metrics
-from coastwatch.operators.api.proxy import TrustedProxy
-from coastwatch.operators.api.tokens import FILES_A_SECOND, FILES_AT_ONCE, Limits, Person, Tokens
+from coastwatch.operators.api.people import FILES_A_SECOND, FILES_AT_ONCE, Limits, Person, Tokens, TrustedProxy
 from coastwatch.server.troubles import Trouble
 
 LOG = logging.getLogger("coastwatch.serve")

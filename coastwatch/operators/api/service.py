@@ -18,7 +18,6 @@ from coastwatch.operators import presentation
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.hub import Hub
 from coastwatch.operators.api.metrics import Metrics
-from coastwatch.operators.api.webhook_settings import WebHook
 from coastwatch.server.alarm_book import Alarm, AlarmBook, Chosen, key_of
 from coastwatch.server.feeds.outgoing import OutFeed
 from coastwatch.server.link import FeedState
@@ -118,7 +117,6 @@ class Service:
     video: LiveVideo | None = None  # of the radars of a live run
     outs: Sequence[OutFeed] = ()  # to which each picture is sent
     journals: Sequence[Counted] = ()  # to which the tracks of this region are published
-    webhooks: Sequence[WebHook] = ()  # to which alarms are sent
     end: Callable[[], None] = lambda: None  # ends the server
     asked: list[Callable[[], list[Trouble]]] = field(default_factory=list)  # others who may have troubles
     _about: tuple[int, RunAbout] | None = None  # of a run in the database

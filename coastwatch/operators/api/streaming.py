@@ -1,10 +1,10 @@
-"""What all streams of the API share: a viewer that does not read is closed, a change wakes its stream, one end ends both sides."""
+"""What all streams of the API share: a viewer that does not read is closed, and one end ends both sides."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager, suppress
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -25,22 +25,6 @@ async def sent_in_time(socket: WebSocket, data: bytes) -> bool:
             await asyncio.wait_for(socket.close(NOT_READING, "nothing was read for 30 s"), 1.0)
         return False
     return True
-
-
-@asynccontextmanager
-async def woken_by(listen: Callable[[Callable[[], None]], Callable[[], None]]) -> AsyncIterator[asyncio.Event]:
-    """An event that is set at each change. Args: listen: takes what is called at a change, in any thread; returns what ends that."""
-    loop, wake = asyncio.get_running_loop(), asyncio.Event()
-
-    def tell() -> None:
-        with suppress(RuntimeError):  # the loop has been closed
-            loop.call_soon_threadsafe(wake.set)
-
-    stop = listen(tell)
-    try:
-        yield wake
-    finally:
-        stop()
 
 
 async def take_messages(socket: WebSocket, take: Callable[[str], object], needed: str) -> None:

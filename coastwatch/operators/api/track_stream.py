@@ -7,7 +7,8 @@ import json
 
 from starlette.websockets import WebSocket
 
-from coastwatch.operators.api.streaming import first_done, sent_in_time, take_messages, woken_by
+from coastwatch.operators.api.streaming import first_done, sent_in_time, take_messages
+from coastwatch.server.listeners import woken_by
 from coastwatch.server.regions.link import Outgoing, Position
 from coastwatch.server.regions.message import PROTOCOL, PROTOCOLS
 from coastwatch.server.regions.publisher import Publisher
@@ -31,19 +32,18 @@ async def serve_tracks(socket: WebSocket, publisher: Publisher | None, had: Posi
             outgoing.acknowledged(Position(str(answer["run"]), int(answer["seq"])))
             wake.set()
 
+        async def sending() -> None:
+            while True:
+                wake.clear()
+                cycles = []
+                if outgoing.room:
+                    cycles = await asyncio.to_thread(publisher.after, outgoing.position, outgoing.room, from_s)
+                for position, message in cycles:
+                    if not await sent_in_time(socket, message):
+                        return
+                    outgoing.sent(position)
+                if not cycles:
+                    await wake.wait()
+
         needed = f'needed {{"run": "...", "seq": 1}}, as in {PROTOCOL}'
-        await first_done(_send(socket, publisher, outgoing, from_s, wake), take_messages(socket, acknowledge, needed))
-
-
-async def _send(socket: WebSocket, publisher: Publisher, outgoing: Outgoing, from_s: float, wake: asyncio.Event) -> None:
-    while True:
-        wake.clear()
-        cycles = []
-        if outgoing.room:
-            cycles = await asyncio.to_thread(publisher.after, outgoing.position, outgoing.room, from_s)
-        for position, message in cycles:
-            if not await sent_in_time(socket, message):
-                return
-            outgoing.sent(position)
-        if not cycles:
-            await wake.wait()
+        await first_done(sending(), take_messages(socket, acknowledge, needed))

@@ -17,9 +17,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.websockets import WebSocket
 
 from coastwatch.operators.api.answers import REFUSALS, In
-from coastwatch.operators.api.streaming import first_done, sent_in_time, take_messages, woken_by
+from coastwatch.operators.api.streaming import first_done, sent_in_time, take_messages
 from coastwatch.operators.api.validation import CheckedRoute
 from coastwatch.operators.presentation import utc_text
+from coastwatch.server.listeners import woken_by
 from coastwatch.server.live_video import RANGES, ROWS, SECTORS, SHADES, LiveVideo, Sector
 
 PROTOCOL = "coastwatch.video.v1"
@@ -85,25 +86,24 @@ async def serve_video(socket: WebSocket, video: LiveVideo | None, run: int, numb
             first = 0
             wake.set()
 
+        async def sending() -> None:
+            while True:
+                wake.clear()
+                video.ask(seen)
+                if sectors := video.since(seen):  # again after each one: a slow viewer gets the newest of each sector alone
+                    if not await sent_in_time(socket, message(video.run, sectors[0])):
+                        return
+                    if sectors[0].radar in seen:
+                        seen[sectors[0].radar] = sectors[0].number
+                    continue
+                try:
+                    await asyncio.wait_for(wake.wait(), SILENCE_S)
+                except TimeoutError:
+                    if not await sent_in_time(socket, heartbeat(video.run)):
+                        return
+
         needed = f'needed {{"radars": ["..."]}} with names of radars, as in {PROTOCOL}'
-        await first_done(_send(socket, video, seen, wake), take_messages(socket, ask, needed))
-
-
-async def _send(socket: WebSocket, video: LiveVideo, seen: dict[int, int], wake: asyncio.Event) -> None:
-    while True:
-        wake.clear()
-        video.ask(seen)
-        if sectors := video.since(seen):  # again after each one: a slow viewer gets the newest of each sector alone
-            if not await sent_in_time(socket, message(video.run, sectors[0])):
-                return
-            if sectors[0].radar in seen:
-                seen[sectors[0].radar] = sectors[0].number
-            continue
-        try:
-            await asyncio.wait_for(wake.wait(), SILENCE_S)
-        except TimeoutError:
-            if not await sent_in_time(socket, heartbeat(video.run)):
-                return
+        await first_done(sending(), take_messages(socket, ask, needed))
 
 
 @router.get("/video/{radar}.png", response_class=Response, responses={200: {"content": {"image/png": {}}}})

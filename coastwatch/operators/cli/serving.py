@@ -9,11 +9,10 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
@@ -25,33 +24,28 @@ from coastwatch.operators.api import logs
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.bounds import LARGEST_HEAD, LARGEST_MESSAGE
 from coastwatch.operators.api.guard import LOOPBACK, Guard
-from coastwatch.operators.api.proxy import trusted
+from coastwatch.operators.api.people import Tokens, add, trusted
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.slow_requests import Frames, SlowRequestGuard
-from coastwatch.operators.api.tokens import Tokens, add
-from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
+from coastwatch.operators.api.webhooks import WebHook, checked, secret_of
 from coastwatch.scenario import load_scenario
 from coastwatch.sensors import NO_INPUT, SIMULATIONS, LiveFeeds
-from coastwatch.server.alarm_book import AlarmBook
-from coastwatch.server.deployment import Deployment, deployment, with_zones
+from coastwatch.server.deployment import Deployment, deployment, of_centre, with_track_sources, with_zones
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.outgoing import OutAddress, OutFeed, parsed_out
 from coastwatch.server.feeds.sending import of_file, of_scenario, send
 from coastwatch.server.follow import POLL_S, Follower
 from coastwatch.server.input import Input, Paced
-from coastwatch.server.link import FeedState, notice_loss
+from coastwatch.server.link import notice_loss
 from coastwatch.server.live import LiveRun
 from coastwatch.server.live_video import LiveVideo
+from coastwatch.server.processes import handled_by
 from coastwatch.server.regions.client import TRACKS, RegionAddress, check_files, parsed_region
 from coastwatch.server.regions.publisher import Publisher
-from coastwatch.server.regions.scenario import of_centre, with_track_sources
-from coastwatch.server.signals import handled_by
-from coastwatch.server.troubles import Trouble
 from coastwatch.spelling import printable
 from coastwatch.store import QueryLimit, Store, open_store, sole_server
 
-T = TypeVar("T")
 QUERY = QueryLimit(5.0, time.monotonic)
 """Of each question of the API to the database."""
 
@@ -61,56 +55,13 @@ BACKLOG = 2048
 """Connections that may wait to be taken."""
 
 
-class Followed:
-    """A database that another process writes, as the source of pictures."""
-
-    live = failed = False
-
-    def __init__(self, opened: Store, run_id: int | None, poll_s: float = POLL_S, asked: Store | None = None) -> None:
-        """Args: asked: the same database for the questions of the API, with a limit."""
-        self.service = Service(asked or opened)
-        self.service.source = self
-        self._follower = Follower(opened, run_id, self.service.receive, poll_s)
-        self._changes = ThreadPoolExecutor(1, "changes")
-
-    @property
-    def alarms(self) -> AlarmBook:
-        """As of `service.Source`, and so are the functions below."""
-        return self._follower.alarms
-
-    def error(self) -> str | None:
-        return self._follower.error
-
-    def feeds(self) -> Sequence[FeedState]:
-        return ()
-
-    def cycle_s(self) -> float | None:
-        return None
-
-    def counts(self) -> dict[str, float]:
-        return {}
-
-    def troubles(self) -> list[Trouble]:
-        return []
-
-    def now_s(self) -> float:
-        return time.time()
-
-    def about(self) -> None:
-        return None
-
-    def later(self, job: Callable[[], T]) -> Future[T]:
-        future = self._changes.submit(job)
-        future.add_done_callback(lambda _: self._follower.look_soon())
-        return future
-
-    def __enter__(self) -> Followed:
-        self._follower.__enter__()
-        return self
-
-    def __exit__(self, *unused: object) -> None:
-        self._changes.shutdown(wait=False, cancel_futures=True)
-        self._follower.__exit__()
+@contextmanager
+def following(opened: Store, run_id: int | None, poll_s: float = POLL_S, asked: Store | None = None) -> Iterator[Service]:
+    """The service of a database that another process writes. Args: asked: the same for the questions of the API, with a limit."""
+    service = Service(asked or opened)
+    service.source = follower = Follower(opened, run_id, service.receive, poll_s)
+    with follower:
+        yield service
 
 
 def serve(options: argparse.Namespace) -> int:
@@ -136,10 +87,10 @@ def serve_deployment(options: Deployment) -> int:
             with (
                 presentation.opened(options.db) as opened,
                 presentation.opened(options.db, limit=QUERY) as asked,
-                Followed(opened, options.run, asked=asked) as followed,
-                logs.Watch(followed.service),
+                following(opened, options.run, asked=asked) as service,
+                logs.Watch(service),
             ):
-                listen(followed.service, guard, options, listener)
+                listen(service, guard, options, listener)
         else:
             _serve_run(options, options.scenario, guard, listener)
     return 0
@@ -298,12 +249,13 @@ def listen(service: Service, guard: Guard, options: Deployment, listener: socket
     """Answer requests until Ctrl-C or SIGTERM, and send pictures and alarms where the options say. Args: listener: as of `bound`."""
     host, port = listener.getsockname()[:2]
     address = f"{'https' if options.tls_cert else 'http'}://{f'[{host}]' if ':' in host else host}:{port}"
-    service.webhooks = _webhooks(options)
     with ExitStack() as stack:
         service.outs = [stack.enter_context(OutFeed(address_out)) for address_out in _outs(options)]
         stack.callback(setattr, service, "outs", ())  # feeds that end are not lost
         logs.say(f"coastwatch: {address}", address=address)
-        server = server_of(application(service, guard), ssl_certfile=options.tls_cert, ssl_keyfile=options.tls_key)
+        server = server_of(
+            application(service, guard, hooks=_webhooks(options)), ssl_certfile=options.tls_cert, ssl_keyfile=options.tls_key
+        )
 
         def end() -> None:
             server.should_exit = True

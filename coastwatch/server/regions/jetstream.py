@@ -24,6 +24,7 @@ from nats.js.errors import NotFoundError
 
 from coastwatch.errors import StoreError
 from coastwatch.server.link import FeedState, Link, Reconnecting, first_line, reason_of
+from coastwatch.server.listeners import woken_by
 from coastwatch.server.regions.client import (
     CLOSE_S,
     CONNECT_S,
@@ -230,32 +231,22 @@ class Journal(Link):
         )
 
     async def _publish(self) -> None:
-        loop, wake = asyncio.get_running_loop(), asyncio.Event()
-
-        def tell() -> None:
-            with suppress(RuntimeError):  # the loop has been closed
-                loop.call_soon_threadsafe(wake.set)
-
-        stop = self.publisher.listen(tell)
-        try:
-            async with _opened(self.address) as client:
-                stream = client.jetstream()
-                position = await self._last(stream)
-                self.opened()
-                while not self._ended.is_set():
-                    wake.clear()
-                    cycles = await asyncio.to_thread(self.publisher.after, position, IN_FLIGHT, 0.0)
-                    for cycle, message in cycles:
-                        await self._put(stream, cycle, message, client.max_payload - HEADERS_BYTES)
-                        self.missing += cycle.seq - 1 - position.seq if cycle.run == position.run else 0
-                        position = cycle
-                    if not cycles:
-                        with suppress(asyncio.TimeoutError):
-                            await asyncio.wait_for(wake.wait(), POLL_S)
-                        if not client.is_connected:
-                            raise OSError("the connection is lost")
-        finally:
-            stop()
+        async with woken_by(self.publisher.listen) as wake, _opened(self.address) as client:
+            stream = client.jetstream()
+            position = await self._last(stream)
+            self.opened()
+            while not self._ended.is_set():
+                wake.clear()
+                cycles = await asyncio.to_thread(self.publisher.after, position, IN_FLIGHT, 0.0)
+                for cycle, message in cycles:
+                    await self._put(stream, cycle, message, client.max_payload - HEADERS_BYTES)
+                    self.missing += cycle.seq - 1 - position.seq if cycle.run == position.run else 0
+                    position = cycle
+                if not cycles:
+                    with suppress(asyncio.TimeoutError):
+                        await asyncio.wait_for(wake.wait(), POLL_S)
+                    if not client.is_connected:
+                        raise OSError("the connection is lost")
 
     async def _last(self, stream: JetStreamContext) -> Position:
         """The last whole cycle in the stream, which is made if there is none. Raises: Error."""

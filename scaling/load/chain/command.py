@@ -17,7 +17,7 @@ from statistics import mean, median
 from typing import Any
 
 from coastwatch.operators.cli.arguments import count
-from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.timing import date_utc, machine
 from scaling.load import baseline
 from scaling.load.chain import scores as quality
 from scaling.load.chain.run import CycleResult, Load, run_cycles

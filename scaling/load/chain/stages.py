@@ -17,7 +17,7 @@ from time import process_time
 
 from coastwatch.cycle import run_cycle, start_run
 from coastwatch.operators.cli.arguments import count
-from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.timing import date_utc, machine
 from coastwatch.stage import serial
 from scaling.load.chain.reports import initial_state, next_cycle
 from scaling.load.chain.world import Size, build_world, conditions

@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from coastwatch.operators.cli.arguments import count
-from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.timing import date_utc, machine
 from scaling.load.hold.disturbances import DISTURBANCES, World, in_turn
 from scaling.load.hold.senders import HERE_ADDRESS, OtherMachine, end, honest
 from scaling.load.hold.server import Server, small_disk

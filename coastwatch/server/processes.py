@@ -1,18 +1,35 @@
-"""Independent work over processes, with results in order of completion."""
+"""What handles the signals of this process while it works, and independent work over several processes."""
 
 from __future__ import annotations
 
 import itertools
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from multiprocessing import get_context
+from types import FrameType
 from typing import TypeVar
-
-from coastwatch.server.signals import handled_by
 
 One = TypeVar("One")
 Made = TypeVar("Made")
+
+
+@contextmanager
+def handled_by(
+    handler: Callable[[int, FrameType | None], object], signals: Sequence[int] = (signal.SIGINT, signal.SIGTERM)
+) -> Iterator[None]:
+    """Have a function handle signals until the block ends. In another thread than the main one nothing changes."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    usual = {number: signal.signal(number, handler) for number in signals}
+    try:
+        yield
+    finally:
+        for number, before in usual.items():
+            signal.signal(number, before)
 
 
 def over_processes(work: Callable[[One], Made], pieces: Sequence[One], count: int) -> Iterator[tuple[One, Made]]:

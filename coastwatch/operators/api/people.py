@@ -1,4 +1,7 @@
-"""Tokens of people and programs: a file of their hashes with roles, and how fast each may ask."""
+"""People and programs that ask: their roles, the file with the hashes of their tokens, a trusted proxy, and how fast each may ask.
+
+A trusted proxy, such as oauth2-proxy, has asked people who they are: their names and groups come in headers.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,15 @@ import os
 import secrets
 import time
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
+from starlette.datastructures import Headers
 
 from coastwatch.errors import InputError
 from coastwatch.scenario.refusing import refusals, sentence
@@ -33,6 +39,11 @@ FILES_A_SECOND, FILES_AT_ONCE = 200.0, 600.0
 """The same of files of the page and tiles of the land: a map that is moved asks for many at once."""
 
 MOST_BUCKETS = 10_000
+USER, GROUPS = "x-forwarded-user", "x-forwarded-groups"
+GROUP = "coastwatch-"
+"""The group of a role is this text and the role: coastwatch-viewer, coastwatch-operator, coastwatch-admin."""
+
+LONGEST_NAME = 64
 
 
 @dataclass(frozen=True)
@@ -160,6 +171,46 @@ def add(path: Path, name: str, role: str, expires_s: float | None) -> str:
 
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode("utf-8", "replace")).hexdigest()
+
+
+@dataclass(frozen=True)
+class TrustedProxy:
+    """The addresses of a proxy. Its headers are taken from these addresses only."""
+
+    networks: tuple[IPv4Network | IPv6Network, ...]
+
+    def person(self, client: str, headers: Headers) -> Person | None:
+        """Who asks through the proxy, with the highest role of the groups; None: somebody else asks, or without such a group.
+
+        A header that comes twice is refused: one of the two may be of the browser.
+
+        Args: client: address of the other end of the connection.
+        """
+        try:
+            address = ip_address(client)
+        except ValueError:  # a socket of the file system has no address
+            return None
+        addresses = (address, getattr(address, "ipv4_mapped", None) or address)
+        if not any(one in network for network in self.networks for one in addresses):
+            return None
+        users, groups = headers.getlist(USER), headers.getlist(GROUPS)
+        if len(users) != 1 or len(groups) != 1 or not users[0].strip():
+            return None
+        names = {group.strip() for group in groups[0].split(",")}
+        roles = [role for role in ROLES if GROUP + role in names]
+        return Person(users[0].strip()[:LONGEST_NAME], roles[-1]) if roles else None
+
+
+def trusted(texts: Sequence[str]) -> TrustedProxy:
+    """The proxy with these addresses or networks, such as 10.0.0.5 or 10.0.0.0/28. Raises: InputError."""
+    try:
+        networks = tuple(ip_network(text) for text in texts)
+    except ValueError as error:
+        raise InputError(f"--trusted-proxy: {error}; needed an address or network such as 10.0.0.5 or 10.0.0.0/28") from error
+    wide = next((network for network in networks if network.prefixlen == 0), None)
+    if wide is not None:
+        raise InputError(f"--trusted-proxy: got {wide}, which is everybody, needed the addresses of the proxy")
+    return TrustedProxy(networks)
 
 
 @dataclass

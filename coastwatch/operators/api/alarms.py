@@ -1,4 +1,4 @@
-"""Alarms as server-sent events: on a connection of their own, so that a stalled picture hides none."""
+"""Alarms over the API: as rows, as server-sent events on a connection of their own, and acknowledged by operators."""
 
 from __future__ import annotations
 
@@ -10,11 +10,33 @@ import secrets
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import suppress
+from typing import Annotated, Literal
 
+from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from coastwatch.batches import ALARM_KINDS
+from coastwatch.batches.kinds import ZONE_KINDS
 from coastwatch.operators import export
+from coastwatch.operators.api.answers import (
+    REFUSALS,
+    ROWS,
+    As,
+    Form,
+    In,
+    Limit,
+    Offset,
+    Text,
+    answer,
+    page_headers,
+    parsed_span,
+)
 from coastwatch.operators.api.service import Service
-from coastwatch.operators.api.streaming import woken_by
+from coastwatch.operators.api.validation import CheckedRoute
 from coastwatch.server.alarm_book import Alarm, Change
+from coastwatch.server.listeners import woken_by
+from coastwatch.spelling import ONE_LINE
+from coastwatch.store import Asked, Beginnings
 
 SILENCE_S = 15.0
 """Without a change a comment is sent so often."""
@@ -31,6 +53,81 @@ EVENT_ID = re.compile(rf"(\d{{1,18}})-(\d{{1,18}})-{PROCESS}")
 LOG = logging.getLogger("coastwatch.serve")
 STOP_S = 0.5
 """How long a stream may wait without looking whether the server ends."""
+
+ALL_KINDS = "alarms"
+MOST_ZONE = 10**9
+
+router = APIRouter(prefix="/api/v1", responses=REFUSALS, route_class=CheckedRoute)
+
+
+class ChosenAlarms(BaseModel):
+    """Which alarms."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    format: Form | None = None
+    state: Literal["all", "lasting", "unacknowledged", "waiting"] = "all"  # waiting: lasting or not acknowledged
+    kind: Text = None
+    start: Annotated[str | None, Field(alias="from", max_length=40)] = None
+    end: Annotated[str | None, Field(alias="to", max_length=40)] = None
+    limit: Limit = 1000
+    offset: Offset = 0
+
+
+@router.get("/alarms", responses=ROWS)
+def alarms(request: Request, service: In, form: As, chosen: Annotated[ChosenAlarms, Query()]) -> Response:
+    """The alarms, the most urgent first, then the newest: distress, silent sensors, danger, others. `Link` has the next page.
+
+    An alarm is every flag but coasting and stationary, and every kind of `[alarms]`, from when until when it held.
+    """
+    if chosen.kind is not None and chosen.kind not in (ALL_KINDS, *ALARM_KINDS):
+        raise HTTPException(400, f"kind: got {chosen.kind!r}, needed one of {', '.join((ALL_KINDS, *ALARM_KINDS))}")
+    kinds = ALARM_KINDS if chosen.kind in (None, ALL_KINDS) else (str(chosen.kind),)
+    from_s, to_s = parsed_span(chosen.start, chosen.end)
+    rows, total = service.alarms(Asked(chosen.state, kinds, from_s, to_s, limit=chosen.limit, offset=chosen.offset))
+    headers = page_headers(request, total, chosen.offset, chosen.limit)
+    return answer(rows, form, "alarms", {"total": total}, headers)
+
+
+class Acknowledged(BaseModel):
+    """Who acknowledges an alarm."""
+
+    model_config = ConfigDict(extra="forbid", str_strip_whitespace=True)
+
+    name: Annotated[str, Field(min_length=1, max_length=64, pattern=ONE_LINE)]
+    note: Annotated[str, Field(max_length=500, pattern=ONE_LINE)] = ""
+
+
+class AcknowledgedTogether(Acknowledged):
+    """Who acknowledges which alarms."""
+
+    kind: Annotated[str | None, Field(max_length=40)] = None
+    zone: Annotated[int, Field(ge=1, le=MOST_ZONE)] | None = None
+    start: Annotated[str, Field(alias="from", max_length=40)]
+    end: Annotated[str, Field(alias="to", max_length=40)]
+
+
+@router.post("/alarms/acknowledge")
+def acknowledge_together(which: AcknowledgedTogether, request: Request, service: In) -> dict[str, int]:
+    """Acknowledge, with one name and note, every alarm that began between two instants: of a kind, of a zone, or all."""
+    if which.kind is not None and which.kind not in ALARM_KINDS:
+        raise HTTPException(400, f"kind: got {which.kind!r}, needed one of {', '.join(ALARM_KINDS)}")
+    from_s, to_s = parsed_span(which.start, which.end)
+    kinds = [each for each in ALARM_KINDS if which.kind in (None, each) and (which.zone is None or each in ZONE_KINDS)]
+    chosen = Beginnings(kinds, which.zone, from_s or 0.0, to_s or 0.0)
+    return {"acknowledged": service.acknowledge_all(chosen, which.name, which.note, request.state.who)}
+
+
+@router.post("/alarms/{alarm_id}/acknowledge")
+def acknowledge(
+    alarm_id: Annotated[str, Path(max_length=80)], by: Acknowledged, request: Request, service: In
+) -> dict[str, object]:
+    """Acknowledge an alarm with a name and a note. The first one counts, and its row is the audit. Returns: the alarm."""
+    rows = service.acknowledge(alarm_id, by.name, by.note, request.state.who)
+    if rows is None or not rows.rows:
+        raise HTTPException(404, f"alarm: got {alarm_id!r}, needed an alarm_id of /api/v1/alarms")
+    (alarm,) = export.as_objects(rows)
+    return alarm
 
 
 class AlarmStream:
