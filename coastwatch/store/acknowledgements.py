@@ -8,7 +8,7 @@ from typing import NamedTuple
 from sqlalchemy import ColumnElement, Connection, and_, exists, insert, literal, select, text, update
 
 from coastwatch.store.schema.database import Store, writing
-from coastwatch.store.schema.tables import ACKNOWLEDGEMENT, EVENT
+from coastwatch.store.schema.tables import ACKNOWLEDGEMENT, EVENT, EVENT_KEY, same_event
 
 SAME_START_S = 0.0006
 """Starts of events are given to the millisecond."""
@@ -72,9 +72,8 @@ def _acknowledge(connection: Connection, condition: ColumnElement[bool], by: Ack
     e = EVENT.c
     waits = and_(condition, text("event.unacknowledged"))
     values = [literal(value) for value in (by.at_s, by.name, by.note, by.who)]
-    keys = "run_id", "vessel_id", "kind", "subject", "from_cycle"
-    has_one = exists().where(*(ACKNOWLEDGEMENT.c[name] == EVENT.c[name] for name in keys))  # of an alarm that was found again
-    events = select(*(e[name] for name in keys), *values).where(waits, ~has_one)
-    columns = *keys, "acknowledged_s", "acknowledged_by", "note", "who"
+    has_one = exists().where(same_event(ACKNOWLEDGEMENT, EVENT))  # of an alarm that was found again
+    events = select(*(e[name] for name in EVENT_KEY), *values).where(waits, ~has_one)
+    columns = *EVENT_KEY, "acknowledged_s", "acknowledged_by", "note", "who"
     connection.execute(insert(ACKNOWLEDGEMENT).from_select(columns, events))
     return connection.execute(update(EVENT).where(waits).values(unacknowledged=False)).rowcount

@@ -28,10 +28,9 @@ from coastwatch.store.acknowledgements import AlarmKey, is_alarm
 from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.runs import newest_cycle
 from coastwatch.store.schema.database import Store, reading
-from coastwatch.store.schema.tables import ACKNOWLEDGEMENT, EVENT, EVENT_GAP, RUN, VESSEL_STATIC
+from coastwatch.store.schema.tables import ACKNOWLEDGEMENT, EVENT, EVENT_GAP, EVENT_KEY, RUN, VESSEL_STATIC, same_event
 
 E, A = EVENT.c, ACKNOWLEDGEMENT.c
-KEY = ("run_id", "vessel_id", "kind", "subject", "from_cycle")
 UNACKNOWLEDGED = and_(text("event.unacknowledged"), E.start_s >= 0.0)
 """As the index of such events has it: with a parameter, or without the time, SQLite would not use it."""
 
@@ -141,7 +140,7 @@ def _waiting(run_id: int) -> list[SelectBase]:
 
 
 def _keys(table: Table, run_id: int, where: ColumnElement[bool]) -> SelectBase:
-    return select(*(table.c[name] for name in KEY)).where(table.c.run_id == run_id, where)
+    return select(*(table.c[name] for name in EVENT_KEY)).where(table.c.run_id == run_id, where)
 
 
 def _conditions(asked: Asked) -> list[ColumnElement[bool]]:
@@ -166,16 +165,16 @@ def _select(parts: Sequence[SelectBase] = ()) -> Select[*tuple[Any, ...]]:
 
     Args: parts: keys of the alarms that are wanted; none: of every one.
     """
-    g, s = EVENT_GAP.c, VESSEL_STATIC.c
-    gaps = select(func.count()).select_from(EVENT_GAP).where(*(E[name] == g[name] for name in KEY)).scalar_subquery()
+    s = VESSEL_STATIC.c
+    gaps = select(func.count()).select_from(EVENT_GAP).where(same_event(EVENT, EVENT_GAP)).scalar_subquery()
     query = select(E.vessel_id, E.kind, E.subject, E.start_s, E.end_s, gaps.label("gaps"), E.mmsi, s.name, E.latitude_deg)
     query = query.add_columns(E.longitude_deg, E.sog_kn, E.evidence, A.acknowledged_by, A.acknowledged_s, A.note)
     joined = EVENT.outerjoin(VESSEL_STATIC, and_(s.run_id == E.run_id, s.mmsi == E.mmsi))
-    query = query.select_from(joined.outerjoin(ACKNOWLEDGEMENT, and_(*(E[name] == A[name] for name in KEY))))
+    query = query.select_from(joined.outerjoin(ACKNOWLEDGEMENT, same_event(EVENT, ACKNOWLEDGEMENT)))
     if not parts:
         return query
     keys = union(*parts).subquery()
-    return query.join(keys, and_(*(E[name] == keys.c[name] for name in KEY)))
+    return query.join(keys, same_event(EVENT, keys))
 
 
 _PRIORITY = case(

@@ -36,6 +36,7 @@ from coastwatch.store.schema.tables import (
     SOURCE,
     VESSEL,
     VESSEL_STATIC,
+    same_event,
 )
 
 STATIC = ("name", "call_sign", "ship_type", "length_m", "beam_m")
@@ -384,9 +385,8 @@ def _cycles_with(run_id: int, vessel_id: int) -> Select[tuple[int]]:
 
 def _events(run_id: int, vessel_id: int) -> Executable:
     """The events of a vessel, and of others with it; `gaps`: how often each ended and returned."""
-    e, g = EVENT.c, EVENT_GAP.c
-    same = [getattr(g, name) == getattr(e, name) for name in ("run_id", "vessel_id", "kind", "subject", "from_cycle")]
-    gaps = select(func.count()).where(*same).correlate(EVENT).scalar_subquery().label("gaps")
+    e = EVENT.c
+    gaps = select(func.count()).where(same_event(EVENT_GAP, EVENT)).correlate(EVENT).scalar_subquery().label("gaps")
     query = select(e.kind, e.start_s, e.end_s, gaps, e.latitude_deg, e.longitude_deg, e.sog_kn, e.mmsi, e.evidence)
     with_it = and_(e.kind == "close_approach", e.subject == vessel_id)
     return query.where(e.run_id == run_id, or_(e.vessel_id == vessel_id, with_it)).order_by(e.start_s, e.kind)

@@ -19,6 +19,7 @@ from sqlalchemy import (
     ColumnElement,
     Float,
     ForeignKey,
+    FromClause,
     Index,
     Integer,
     LargeBinary,
@@ -27,6 +28,7 @@ from sqlalchemy import (
     String,
     Table,
     Text,
+    and_,
     false,
     text,
 )
@@ -373,6 +375,15 @@ EVENT = of_run(
 """When a vessel had a flag or an alarm. to_cycle and end_s are the last cycle with it, null while it lasts. One that returns within
 `store.event_gap_s` goes on with the event before.
 """
+
+EVENT_KEY = ("run_id", "vessel_id", "kind", "subject", "from_cycle")
+"""What tells an event from the others, in each table that has rows of events."""
+
+
+def same_event(one: FromClause, other: FromClause) -> ColumnElement[bool]:
+    """That rows of two tables are of the same event."""
+    return and_(*(one.c[name] == other.c[name] for name in EVENT_KEY))
+
 
 EVENT_GAP = of_run(
     "event_gap",

@@ -37,6 +37,7 @@ from coastwatch.store.schema.tables import (
     DECIDED_PATH,
     EVENT,
     EVENT_GAP,
+    EVENT_KEY,
     HISTORY,
     METADATA,
     OF_NO_RUN,
@@ -45,6 +46,7 @@ from coastwatch.store.schema.tables import (
     STAYS,
     VESSEL,
     ZONE,
+    same_event,
 )
 
 if TYPE_CHECKING:
@@ -178,9 +180,8 @@ def delete_some(connection: Connection, table: Table, run_id: int, key: tuple[st
 def _delete_acknowledgements(connection: Connection, run_id: int, kept_s: float, most: int) -> None:
     """Delete old acknowledgements of events that are no longer there."""
     newest_s = connection.scalar(select(func.max(CYCLE.c.time_s)).where(CYCLE.c.run_id == run_id)) or 0.0
-    a, e = ACKNOWLEDGEMENT.c, EVENT.c
-    names = ("vessel_id", "kind", "subject", "from_cycle")
-    there = exists().where(e.run_id == run_id, *(e[name] == a[name] for name in names))
+    a, names = ACKNOWLEDGEMENT.c, EVENT_KEY[1:]
+    there = exists().where(same_event(EVENT, ACKNOWLEDGEMENT))
     query = select(*(a[name] for name in names)).where(a.run_id == run_id, a.acknowledged_s < newest_s - kept_s, ~there)
     if keys := connection.execute(query.order_by(a.acknowledged_s).limit(most)).all():
         columns = {name: list(column) for name, column in zip(names, zip(*keys, strict=True), strict=True)}
@@ -314,8 +315,7 @@ def _prune_run(store: Store, run_id: int, first: int, kind: str) -> int:
             else:
                 last = _delete_before(connection, run_id, kind, 0, first, PRUNED_ROWS)
             if kind == "events" and not last:
-                a, e = ACKNOWLEDGEMENT.c, EVENT.c
-                same = [e[name] == a[name] for name in ("run_id", "vessel_id", "kind", "subject", "from_cycle")]
-                connection.execute(delete(ACKNOWLEDGEMENT).where(a.run_id == run_id, ~exists().where(*same)))
+                gone = ~exists().where(same_event(EVENT, ACKNOWLEDGEMENT))
+                connection.execute(delete(ACKNOWLEDGEMENT).where(ACKNOWLEDGEMENT.c.run_id == run_id, gone))
         total += last
     return total
