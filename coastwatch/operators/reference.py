@@ -55,6 +55,11 @@ def text() -> str:
     return "\n".join(parts).rstrip() + "\n"
 
 
+def cell(value: object) -> str:
+    """A value in a table: in one line, and its bars are no edges of cells."""
+    return str(value).replace("|", "\\|").replace("\n", " ")
+
+
 def _prose(text: str) -> str:
     """Paragraphs in lines that fit on a screen; lists and code stay as they are."""
     lines = [
@@ -68,7 +73,7 @@ def _rows(head: tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> Iterator
     yield "| " + " | ".join(head) + " |"
     yield "|" + "---|" * len(head)
     for row in rows:
-        yield "| " + " | ".join(str(value).replace("|", "\\|").replace("\n", " ") for value in row) + " |"
+        yield "| " + " | ".join(cell(value) for value in row) + " |"
     yield ""
 
 

@@ -32,7 +32,7 @@ def test_every_command_and_argument_is_documented() -> None:
     missing = [name for name, parser in COMMANDS if f"### {name}\n" not in WRITTEN or not parser.description.endswith(".")]
     for name, parser in COMMANDS:
         for how, what in reference.arguments(parser):
-            if f"`{reference._cell(how)}`" not in WRITTEN or len(what) <= 3:
+            if f"`{reference.cell(how)}`" not in WRITTEN or len(what) <= 3:
                 missing.append(f"{name} {how}")
     assert missing == []
 
