@@ -64,25 +64,18 @@ def following(opened: Store, run_id: int | None, poll_s: float = POLL_S, asked: 
         yield service
 
 
-def serve(options: argparse.Namespace) -> int:
+def serve(arguments: argparse.Namespace) -> int:
     """Serve until Ctrl-C or SIGTERM."""
-    return serve_deployment(deployment(vars(options)))
-
-
-def serve_deployment(options: Deployment) -> int:
-    """Serve until Ctrl-C or SIGTERM."""
+    options = deployment(vars(arguments))
     guard = _guard(options)
     _check_role(options)
     _outs(options)  # wrong addresses are refused before anything starts
     _journal_addresses(options)
     _webhooks(options)
     logs.begin(options.log_format)
-    with (
-        handled_by(
-            lambda *_: None
-        ),  # the server ends in order, and so the run: it raises them again when its sockets are closed
-        bound(options.host, options.port) as listener,  # a used port is refused before anything starts
-    ):
+    # The server ends in order, and so the run: it raises signals again when its sockets are closed.
+    # A used port is refused before anything starts.
+    with handled_by(lambda *_: None), bound(options.host, options.port) as listener:
         if options.scenario is None:
             with (
                 presentation.opened(options.db) as opened,
