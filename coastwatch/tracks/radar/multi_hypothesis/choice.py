@@ -59,11 +59,12 @@ def choose_and_prune(rules: Pruning, forest: Forest, leaves: Leaves, looked: Boo
     slot = of_slot[start[:-1]]
     null, seen, of = forest.null_cost[slot], looked[slot], np.repeat(np.arange(len(slot)), np.diff(start))
     number, plots = _numbered(plot)
-    chosen, displaced, priced, unproven = _chosen(rules, cost, (number, plots), leaves.mmsi[kept], start, null)
+    chosen, has, priced, unproven = _chosen(rules, cost, (number, plots), leaves.mmsi[kept], start, null)
+    displaced = ~has & (_least(cost, start) < null)
     forest.nulled[slot[seen]] = np.where(displaced, forest.nulled[slot] + 1, 0)[seen]
     final = plot[chosen, 0]
     keep = (plot[:, 0] == final[of]) | ~seen[of]
-    decided = np.unique(final[seen & (final >= 0)])
+    decided = np.unique(final[seen & has & (final >= 0)])  # one that the choice calls no vessel has no plot
     if len(decided):
         keep &= ~np.isin(plot[:, 1:], decided).any(axis=1)
     keep[chosen] = True
@@ -109,10 +110,9 @@ def _numbered(plot: Ints) -> tuple[Ints, int]:
 def _chosen(
     rules: Pruning, cost: Floats, plots: tuple[Ints, int], mmsi: Ints, start: Ints, null: Floats
 ) -> tuple[Ints, Bools, Floats, Unproven]:
-    """The global hypothesis: the leaf of each tree (T,), which trees have none there, the costs of leaves with prices (L,), and unproven
+    """The global hypothesis: the leaf of each tree (T,), which trees have one there, the costs of leaves with prices (L,), and unproven
     choices.
 
-    A tree is listed as without one if its cheapest leaf is better than no vessel.
     A tree without a leaf there has its cheapest one whose newest plot no other tree has.
 
     Args: cost: (L,), mmsi: (L,), all of the leaves; plots: as of `_numbered`.
@@ -132,6 +132,5 @@ def _chosen(
     taken[-1] = False  # of leaves without a plot
     cheapest = kernels.tracks.hypothesis_trees.cheapest
     free = np.flatnonzero(cheapest(start, cost + np.where(taken[resource[:, -1]], TAKEN, 0.0), 1, 0.0))
-    displaced: Bools = ~has & (_least(cost, start) < null)
     price = np.append(choice.price, 0.0)[resource].sum(axis=1)  # the last: of no plot
-    return np.where(has, choice.leaf, free), displaced, cost + price, Unproven.of(choice.excess)
+    return np.where(has, choice.leaf, free), has, cost + price, Unproven.of(choice.excess)
