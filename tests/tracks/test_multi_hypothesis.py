@@ -16,8 +16,10 @@ from coastwatch.kernels.tracks import hypothesis_trees, tree_rows
 from coastwatch.scenario import ScenarioError, load_scenario
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import RegionInput, TableTracker
+from coastwatch.tracks.radar.leaves import Forest, Leaves
 from coastwatch.tracks.radar.multi_hypothesis import MultiHypothesis
-from coastwatch.tracks.radar.table import RadarMemory
+from coastwatch.tracks.radar.multi_hypothesis.choice import choose_and_prune
+from coastwatch.tracks.radar.table import RadarMemory, Status
 
 pytestmark = pytest.mark.contract
 
@@ -86,6 +88,25 @@ def test_the_choice_of_trees_that_share_nothing_with_a_look_stands(monkeypatch):
     assert len(memory.forest.leaves) > len(memory.table.live)
     assert np.array_equal(memory.forest.leaves.plot, every.forest.leaves.plot)
     np.testing.assert_allclose(out[-1].covariance, whole[-1].covariance, rtol=1e-9, atol=1e-9)
+
+
+def test_a_track_that_the_choice_calls_no_vessel_has_no_plot_for_good():
+    """A tentative track begun by plot 7 leaves its window. The neighbour that has plot 7 keeps both ways to go on."""
+    leaves = replace(
+        Leaves.zeros(L=3, W=3, R=1, J=1),
+        slot=np.array([0, 0, 1]),
+        cost=np.array([-5.0, -4.8, 3.0]),
+        existence=np.full(3, 0.5),
+        mmsi=np.full(3, -1),
+        plot=np.array([[3, 7, 8], [3, 7, -1], [7, -1, 9]]),
+    )
+    forest = replace(Forest.empty(3, 1, 1), null_cost=np.array([50.0, 0.0]), nulled=np.zeros(2, np.int64), until_s=np.zeros(2))
+    looked, status = np.ones(2, np.bool_), np.array([Status.CONFIRMED, Status.TENTATIVE])
+    pruned = choose_and_prune(MultiHypothesis(window=2)._pruning, forest, leaves, looked, status)
+    assert pruned.leaves.plot[pruned.leaves.slot == 0].tolist() == [[3, 7, 8], [3, 7, -1]]
+    leaves.cost[2], forest.null_cost[:] = -40.0, 0.0  # now it is the likelier vessel, and has its plot
+    pruned = choose_and_prune(MultiHypothesis(window=2)._pruning, forest, leaves, looked, status)
+    assert (pruned.leaves.slot == 0).sum() == 1
 
 
 def unproven_choices(plots: Plots, cycles: int) -> list[Unproven]:
