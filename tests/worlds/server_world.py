@@ -58,8 +58,8 @@ def listening(
             thread.join()
 
 
-def wait_for(found: Any, seconds: float = 10.0) -> None:
-    """Wait until a function returns something true."""
+def wait_for(found: Any, seconds: float = 60.0) -> None:
+    """Wait until a function returns something true. A machine that compiles kernels may be slow."""
     done = threading.Event()
     for _ in range(int(seconds / 0.02)):
         if found():
