@@ -199,7 +199,10 @@ def test_the_literal_association_of_bearings_runs_and_is_worse(folder: Path) -> 
     assert literal["associations"] == default["associations"]
 
 
-@pytest.mark.parametrize("method", ["convex", "weighted_average", "imm_of_tracks", "covariance_intersection"])
+ALIKE = [pytest.param(method, marks=pytest.mark.slow) for method in ("convex", "covariance_intersection")]
+
+
+@pytest.mark.parametrize("method", ["weighted_average", "imm_of_tracks", *ALIKE])
 def test_every_fusion_is_better_than_its_radar_tracks_and_not_better_than_the_bound(method: str, folder: Path) -> None:
     found = scores("context-driven-100", (f"fused_tracks.method={method}", *SMALL), SEEDS[0], folder)
     finite(found)

@@ -60,14 +60,17 @@ ALIKE = {
     *("autoferry-3", "autoferry-6", "autoferry-13", "autoferry-17"),
     *("context-driven-200", "context-driven-500", "context-driven-1000", "liland-initiation", "liland-run-time"),
     *("rangel-literal-noise", "rangel-table-6", "rangel-table-7", "rangel-table-8"),
-    *("sagild-difficult", "sagild-easy", "sagild-very-difficult"),
+    *("sagild-complete", "sagild-difficult", "sagild-easy", "sagild-very-difficult", "liland-shadow"),
 }
 """Each differs from a quick one in numbers alone, and runs with the slow tests."""
 
+ELSEWHERE = {"rangel-tables-1-2", "rangel-table-5", "misregistered-radars"}
+"""Quick tests of `test_context_driven.py` and `tests/registration` run these whole. Here they run with the slow tests."""
+
 
 def each(names: Iterable[str]) -> list[Any]:
-    """The names as parameters, those alike with the mark `slow`."""
-    return [pytest.param(name, marks=[pytest.mark.slow] * (name in ALIKE)) for name in names]
+    """The names as parameters, those alike and those that run elsewhere with the mark `slow`."""
+    return [pytest.param(name, marks=[pytest.mark.slow] * (name in ALIKE | ELSEWHERE)) for name in names]
 
 
 QUICK = [name for name in SHIPPED if name not in SHORTENED]
@@ -112,7 +115,7 @@ def has_finite_scores(scores: dict[str, Any]) -> None:
 
 
 def test_each_shipped_scenario_is_run() -> None:
-    assert set(SHORTENED) | ALIKE <= set(SHIPPED)
+    assert set(SHORTENED) | ALIKE | ELSEWHERE <= set(SHIPPED)
     assert len(QUICK) >= 15
 
 
