@@ -82,7 +82,7 @@ def test_a_zone_that_is_drawn_raises_an_alarm_that_is_sent_acknowledged_and_note
                 again = next(one for one in seen if one["alarm_id"] == alarm["alarm_id"] and one["acknowledged_by"])
             assert (alarm["subject"], alarm["acknowledged_by"]) == (drawn, None)
             assert (again["acknowledged_by"], again["note"]) == ("Ana", "called on 16")
-            wait_s = scenario.alarms.open_s + 3 * scenario.period_s  # the cycle of now may have begun before
+            wait_s = scenario.alarms.open_s + 30.0  # cycles of a machine that compiles kernels are late
             assert utc(alarm["start_utc"]) <= then_s + wait_s
             found = httpx.get(f"{base}/audit", timeout=60.0).json()["changes"]
             run_id = service.run_id()
