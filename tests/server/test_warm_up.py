@@ -34,7 +34,9 @@ SCENARIOS = {
 }
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize(
+    "name", ["context-driven-100", *(pytest.param(n, marks=pytest.mark.slow) for n in ("solent", "guanabara"))]
+)
 def test_each_stage_whose_kernels_are_compiled_is_named_once_and_no_other(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = load_scenario(name, SCENARIOS[name])
     compiled: list[str] = []

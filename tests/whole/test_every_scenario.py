@@ -48,8 +48,8 @@ SHORTENED: dict[str, dict[str, str]] = {
     "sagild-easy": SLOWER,
     "sagild-normal": SLOWER,
     "sagild-very-difficult": SLOWER,
-    "video-harbour": {"cycles": "10"},
-    "solent": {"period_s": "30.0", "cycles": "55"},
+    "video-harbour": {"cycles": "6"},
+    "solent": {"period_s": "60.0", "cycles": "28"},
 }
 """Settings of a quick form of scenarios that take longer. `busy-harbour` and `solent` failed after 1,125 s of their own time."""
 
