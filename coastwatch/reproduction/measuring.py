@@ -141,8 +141,10 @@ def measure(job: Job, draw: Draw) -> dict[str, object] | None:
         cycle = math.ceil(at_s / job.scenario.period_s) - 1
         around = cycle - AROUND, cycle + AROUND + 1
         history[f"{at_s:g}"] = {stage: decisions.between(stage, *around) for stage in decisions.rows}
-    scored = job.scenario.warmup_cycles, result.cycles
-    counted = {stage: {**result.scores.get(stage, {}), **decisions.between(stage, *scored)} for stage in decisions.rows}
+    first = job.scenario.warmup_cycles
+    counted = {
+        stage: {**result.scores.get(stage, {}), **decisions.between(stage, first, result.cycles)} for stage in decisions.rows
+    }
     plain: dict[str, object] = json_value(
         {
             "seed": job.seed,
