@@ -6,8 +6,8 @@ UV_VERSION = 0.13.8
 BIN = .venv/bin
 SYNC = --compile-bytecode
 WARM_UP = $(BIN)/coastwatch run guanabara --restart --set warmup_s=30 --set cycles=10
-# Two processes more than there are processors, as many tests wait: for a socket, a browser, or the clock.
-TEST = $(BIN)/python -m pytest tests -n $(shell $(PYTHON) -c "import os; print(min(os.cpu_count() + 2, 8))") --dist loadfile --no-loadscope-reorder
+# One process more than there are processors, as many tests wait: for a socket, a browser, or the clock. Two more gain nothing.
+TEST = $(BIN)/python -m pytest tests -n $(shell $(PYTHON) -c "import os; print(min(os.cpu_count() + 1, 8))") --dist loadfile --no-loadscope-reorder
 export UV_PROJECT_ENVIRONMENT = .venv
 # Of one file; a busy machine needs more than the minute that is the default.
 export UV_COMPILE_BYTECODE_TIMEOUT = 900
