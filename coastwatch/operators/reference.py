@@ -94,7 +94,7 @@ def _commands() -> Iterator[str]:
             continue
         yield f"### coastwatch {name}\n\n{_prose(str(parser.description))}\n"
         yield from _rows(("argument", "meaning"), [(f"`{how}`", what) for how, what in arguments(parser)])
-    yield "`coastwatch --version` prints the version. " + " ".join(EPILOG.split()).replace("The whole", "\nThe whole") + "\n"
+    yield _prose(f"`coastwatch --version` prints the version. {EPILOG[0].upper()}{EPILOG[1:]}") + "\n"
 
 
 def _settings() -> Iterator[str]:

@@ -16,7 +16,7 @@ from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.reproduction.region_inputs import cycle_inputs
 from coastwatch.scenario import Scenario
-from coastwatch.scores.rmse import nees
+from coastwatch.scores.nees import nees
 from coastwatch.scores.track_pairs import PairScores, TruePairs, true_vessels
 from coastwatch.stage import Running, Settings, serial
 from coastwatch.tracks import AisInput, RegionInput

@@ -1,4 +1,4 @@
-"""Root mean square errors of position, course and speed, as sums over cycles; and NEES: whether covariances agree with errors."""
+"""Root mean square errors of position, course and speed, as sums that add up over cycles."""
 
 from __future__ import annotations
 
@@ -104,16 +104,3 @@ def fusion_errors(truth: Truth, tracks: Tracks, associations: Associations, fuse
 def _at(truth: Truth, rows: Ints) -> tuple[Floats, Floats]:
     """True positions and velocities of these rows."""
     return truth.position_deg[rows], truth.velocity_m_s[rows]
-
-
-def nees(error: Floats, covariance: Floats) -> Floats:
-    """Normalised estimation error squared: in units of its covariance, mean d for a consistent estimator.
-
-    Args: error: (N, d); covariance: (N, d, d), positive definite. Returns: (N,), NaN where either is NaN.
-    Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, eq. 5.4.2-1.
-    """
-    has_covariance = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
-    nees_of_row = np.full(len(error), np.nan)
-    solved = np.linalg.solve(covariance[has_covariance], error[has_covariance][..., None])[..., 0]
-    nees_of_row[has_covariance] = (error[has_covariance] * solved).sum(axis=1)
-    return nees_of_row

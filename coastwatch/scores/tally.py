@@ -26,9 +26,10 @@ from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scores.bound import bound
 from coastwatch.scores.confusion import Confusion, association, bearing_association
 from coastwatch.scores.dark import Dark, watch, without_reports
+from coastwatch.scores.nees import nees
 from coastwatch.scores.ospa import gospa, ospa
 from coastwatch.scores.purity import Identities
-from coastwatch.scores.rmse import Errors, FusionErrors, errors, fusion_errors, nees
+from coastwatch.scores.rmse import Errors, FusionErrors, errors, fusion_errors
 
 CUTOFF_M = 20.0  # of GOSPA and OSPA: the value of Helgesen et al. 2022, about three sigma of a harbour radar
 ORDER = 2.0

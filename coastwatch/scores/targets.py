@@ -10,8 +10,8 @@ import numpy as np
 
 from coastwatch.batches import Floats, Tracks, Truth
 from coastwatch.geodesy import difference_m, earth_centred, wrap_rad
+from coastwatch.scores.nees import nees
 from coastwatch.scores.ospa import gospa, ospa
-from coastwatch.scores.rmse import nees
 
 ORDER = 2.0  # of OSPA
 Figures = Mapping[str, "float | int | Mapping[str, float | Mapping[str, float]] | None"]

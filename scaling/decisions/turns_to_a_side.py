@@ -23,7 +23,8 @@ from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.bound import bound
-from coastwatch.scores.rmse import Errors, errors, nees
+from coastwatch.scores.nees import nees
+from coastwatch.scores.rmse import Errors, errors
 from coastwatch.stage import Running
 from coastwatch.tracks import RadarTracker, RegionInput, TableTracker
 from coastwatch.tracks.radar.association import KnownOrigin

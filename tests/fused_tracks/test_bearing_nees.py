@@ -10,7 +10,7 @@ from nees_band import band
 from coastwatch.batches import Associations, Measurements, Tracks, VesselBearings
 from coastwatch.fused_tracks import CentralImm, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg, wrap_rad
-from coastwatch.scores.rmse import nees
+from coastwatch.scores.nees import nees
 
 pytestmark = pytest.mark.consistency
 

@@ -10,7 +10,7 @@ from nees_band import band
 
 from coastwatch.batches import Floats, SourceKind, Tracks
 from coastwatch.geodesy import difference_m
-from coastwatch.scores.rmse import nees
+from coastwatch.scores.nees import nees
 from scaling.load import national
 
 pytestmark = pytest.mark.consistency

@@ -19,7 +19,8 @@ from coastwatch.centre import Cycle
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scenario import load_scenario
-from coastwatch.scores.rmse import nees, whole_vessels
+from coastwatch.scores.nees import nees
+from coastwatch.scores.rmse import whole_vessels
 from coastwatch.server.run import run_scenario
 
 pytestmark = pytest.mark.consistency

@@ -12,7 +12,7 @@ from simulated_world import START_S, recorded
 from coastwatch.batches import Noise, RadarReports, Trajectories
 from coastwatch.geodesy import KNOT_M_S, difference_m, to_plane, turn
 from coastwatch.scores.bound import bound
-from coastwatch.scores.rmse import nees
+from coastwatch.scores.nees import nees
 from coastwatch.sensors.simulated.harbour import Lanes
 
 pytestmark = pytest.mark.oracle

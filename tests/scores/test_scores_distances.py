@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from nees_band import band
 from scipy.stats import chi2
 
+from coastwatch.scores.nees import nees
 from coastwatch.scores.ospa import gospa, ospa
-from coastwatch.scores.rmse import nees
 
 pytestmark = pytest.mark.oracle
 

@@ -17,7 +17,7 @@ from coastwatch.batches import Floats, RadarCorrections
 from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.scenario import load_scenario
-from coastwatch.scores.rmse import nees
+from coastwatch.scores.nees import nees
 from coastwatch.tracks import RegionInput
 from coastwatch.tracks.radar.motion import STEADY
 

@@ -4,8 +4,9 @@ from typing import Annotated
 
 from pydantic import Field
 
+from coastwatch.plots.video.absolute import AbsoluteExtraction
 from coastwatch.plots.video.blobs import BlobExtraction
-from coastwatch.plots.video.cfar import AbsoluteExtraction, CfarExtraction
+from coastwatch.plots.video.cfar import CfarExtraction
 from coastwatch.plots.video.spokes import ExtractionInput, ExtractionMemory, over_background
 
 PlotExtractor = Annotated[CfarExtraction | AbsoluteExtraction | BlobExtraction, Field(discriminator="method")]

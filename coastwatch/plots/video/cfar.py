@@ -1,11 +1,10 @@
-"""Plots where video is over its local background, at a constant rate of false alarms, or over a level that is set."""
+"""Plots where video is over its local background: a constant rate of false alarms."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Extractions, RadarReports, RadarVideo
@@ -26,7 +25,6 @@ from coastwatch.stage import Count, Method, NotNegative, Positive
 
 FIRST_TURN_DB = 12.0  # most that counts for the deviation while none is known
 LEAST_GUARD = 1  # cells of the window beyond the guard, to each side
-KEPT_RAD = np.radians(5.7)  # of spokes that are kept where there is no window
 
 
 class CfarExtraction(Method):
@@ -48,6 +46,7 @@ class CfarExtraction(Method):
     masks: Masks = Masks()  # where nothing is looked for
 
     def init(self) -> ExtractionMemory:
+        """The memory before the first cycle."""
         return ExtractionMemory({})
 
     def step(self, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, RadarReports]:
@@ -88,43 +87,3 @@ class CfarExtraction(Method):
             most_db=MOST_DB,
         )
         return Detection(background.detected, rules, self.masks, self.least_cells)
-
-
-class AbsoluteExtraction(Method):
-    """Cells whose level is over one that is set are joined to echoes. There is no background: for radars that send cleaned video."""
-
-    method: Literal["absolute"] = "absolute"
-    least_level: Annotated[int, Field(ge=1, le=255)] = 1  # whole number of steps of the video, 1 to 255
-    least_cells: Count = 4  # whole number of cells; an echo of fewer is no plot
-    masks: Masks = Masks()  # where nothing is looked for
-
-    def init(self) -> ExtractionMemory:
-        return ExtractionMemory({})
-
-    def step(self, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, RadarReports]:
-        """The plots of the echoes that the video of this cycle completes."""
-        return extracted(memory, given, self._detection)
-
-    def summary(self, memory: ExtractionMemory, given: ExtractionInput, plots: RadarReports) -> Extractions:
-        """As of `extractions`. The threshold is a level, and no decibels."""
-        return extractions(given, plots, lambda _: float("nan"))
-
-    def _detection(self, radar: VideoRadar, video: RadarVideo) -> Detection:
-        background = kernels.video.background
-        rules = background.Rules(
-            window_rad=float(KEPT_RAD),
-            guard_rad=0.0,
-            beam_rad=0.5 * radar.beam_rad,
-            window_cells=0,
-            guard_cells=0,
-            pulse_cells=0,
-            first_cell=max(int(np.ceil((radar.blind_m - video.first_m) / video.cell_m)), 0),
-            block_cells=BLOCK_CELLS,
-            threshold=self.least_level - 0.5,
-            sigmas=0.0,
-            clip=0.0,
-            first_turn=0.0,
-            db_per_level=radar.db_per_level,
-            most_db=MOST_DB,
-        )
-        return Detection(background.over_level, rules, self.masks, self.least_cells)

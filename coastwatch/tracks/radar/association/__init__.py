@@ -9,7 +9,8 @@ from pydantic import Field
 
 from coastwatch.tracks.radar.association.jipda import Jipda, JipdaLiteral
 from coastwatch.tracks.radar.association.jpda import Jpda
-from coastwatch.tracks.radar.association.nearest_neighbour import KnownOrigin, NearestNeighbour
+from coastwatch.tracks.radar.association.known_origin import KnownOrigin
+from coastwatch.tracks.radar.association.nearest_neighbour import NearestNeighbour
 from coastwatch.tracks.radar.multi_hypothesis import MultiHypothesis
 
 AnyAssociation = NearestNeighbour | KnownOrigin | Jpda | Jipda | JipdaLiteral | MultiHypothesis

@@ -9,7 +9,9 @@ from pydantic import Field
 
 from coastwatch.stage import Settings
 from coastwatch.tracks.radar.messages.guiding import Guiding
-from coastwatch.tracks.radar.messages.hem_brekke import NoisyBatch, PreciseBatch, Sequential
+from coastwatch.tracks.radar.messages.noisy_batch import NoisyBatch
+from coastwatch.tracks.radar.messages.precise_batch import PreciseBatch
+from coastwatch.tracks.radar.messages.sequential import Sequential
 from coastwatch.tracks.radar.messages.settings import in_order, messages_of
 from coastwatch.tracks.radar.messages.weighing import begin_unnamed
 

@@ -10,7 +10,7 @@ from coastwatch.batches import Floats, Ints, Messages
 from coastwatch.stage import NotNegative, Positive
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.life.existence import KNOWN
-from coastwatch.tracks.radar.messages.hem_brekke import Sequential
+from coastwatch.tracks.radar.messages.sequential import Sequential
 from coastwatch.tracks.radar.messages.weighing import begin_unnamed
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.table import RadarMemory

@@ -21,7 +21,7 @@ from coastwatch.kernels.tracks.columns import ExistenceColumns
 from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
-from coastwatch.tracks.radar.messages.hem_brekke import Sequential
+from coastwatch.tracks.radar.messages.sequential import Sequential
 from coastwatch.tracks.radar.messages.weighing import (
     COARSE,
     begin_named,

@@ -18,7 +18,7 @@ from coastwatch.kernels.tracks.tree_rows import TreeRows
 from coastwatch.stage import Count, Positive, Settings
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
 from coastwatch.tracks.radar.life.existence import merge_duplicates
-from coastwatch.tracks.radar.messages.hem_brekke import Sequential, rounds
+from coastwatch.tracks.radar.messages.sequential import Sequential, rounds
 from coastwatch.tracks.radar.multi_hypothesis.choice import Pruning, choose_and_prune, ended, starts
 from coastwatch.tracks.radar.multi_hypothesis.messages import take_round
 from coastwatch.tracks.radar.multi_hypothesis.trees import (

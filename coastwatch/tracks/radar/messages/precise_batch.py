@@ -1,17 +1,13 @@
-"""Methods A, B and C of Hem and Brekke: each AIS message at its own time, those of an id as one measurement, or the newest of an id."""
+"""Method B of Hem and Brekke: the AIS messages of one id since the last plots as one measurement."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Messages
-from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.tracks.radar.bank.compiled import CompiledBank, by_track
 from coastwatch.tracks.radar.messages.settings import MessageSettings
@@ -26,46 +22,12 @@ from coastwatch.tracks.radar.messages.weighing import (
     near,
     predict,
     record,
-    take_at_once,
     update_new,
     weigh,
 )
 from coastwatch.tracks.radar.motion import Filters
 from coastwatch.tracks.radar.parts import Parts
-from coastwatch.tracks.radar.table import RadarMemory, Table
-
-
-class Sequential(MessageSettings):
-    """AIS messages as measurements, each at its own time: method A of Hem and Brekke.
-
-    A track says whose messages are in it (`Tracks.held_mmsi`), so that its AIS track is not fused with it again.
-    """
-
-    method: Literal["sequential"] = "sequential"
-
-    def take(self, parts: Parts, memory: RadarMemory, messages: Messages, until_s: float) -> RadarMemory:
-        """The memory after these messages. Messages whose gates have no track in common are taken together."""
-        for some in rounds(parts, self, memory.table, messages):
-            memory = take_at_once(parts, self, memory, some)
-        return memory
-
-
-def rounds(parts: Parts, rules: MessageSettings, table: Table, messages: Messages) -> list[Messages]:
-    """The messages that are taken at once, in turn: each later than those before it that share a track or an id with it."""
-    batch, count = columns_of(messages), len(messages)
-    pairs = near(parts, table, batch)
-    ids, name = np.unique(messages.mmsi, return_inverse=True)
-    reach_m = parts.existence.max_speed_kn * KNOT_M_S * float(np.ptp(batch.time))
-    reach_m += math.sqrt(2.0 * rules.limit * float(batch.covariance.max()))
-    from scipy.spatial import cKDTree  # slow to import, and few runs use it
-
-    close = cKDTree(batch.position).query_pairs(reach_m, output_type="ndarray")  # one may begin a track that the other is of
-    message = np.concatenate([pairs.plot, np.arange(count)])
-    node = np.concatenate([len(ids) + pairs.track, name])
-    order, by_later = np.argsort(message, kind="stable"), np.lexsort(close.T)
-    find = kernels.tracks.message_clusters.rounds
-    turn = find(count, message[order], node[order], len(ids) + len(table.track_id), close[by_later].astype(np.int64))
-    return [messages.take(np.flatnonzero(turn == number)) for number in range(int(turn.max(initial=-1)) + 1)]
+from coastwatch.tracks.radar.table import RadarMemory
 
 
 class PreciseBatch(MessageSettings):
@@ -124,23 +86,3 @@ def _begun(parts: Parts, messages: Messages, models: int) -> Filters:
     CompiledBank(parts.bank.prior).initialise(filters, estimates, np.arange(count), np.arange(count), batch)
     update_new(parts, filters, np.arange(count), messages)
     return filters
-
-
-class NoisyBatch(MessageSettings):
-    """The newest AIS message of each id since the last plots, taken at the time of the plots that follow: method C.
-
-    Of a paper, for comparison.
-    """
-
-    method: Literal["noisy_batch"] = "noisy_batch"
-    sigma_m: Annotated[float, Field(gt=0.0)] = 8.0  # per axis, in place of their own noise: they are older than the plots
-
-    def take(self, parts: Parts, memory: RadarMemory, messages: Messages, until_s: float) -> RadarMemory:
-        """The memory after these messages, as if they were of this time."""
-        order = np.argsort(messages.mmsi, kind="stable")
-        newest = order[np.diff(messages.mmsi[order], append=-1) != 0]
-        ids, size = np.unique(messages.mmsi, return_counts=True)
-        messages = messages.take(np.sort(newest))
-        noise = np.tile(self.sigma_m**2 * np.eye(2), (len(messages), 1, 1))
-        now = replace(messages, time_s=np.full(len(messages), until_s), covariance=noise)
-        return take_at_once(parts, self, memory, now, size[np.searchsorted(ids, now.mmsi)])
