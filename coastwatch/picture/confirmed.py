@@ -21,7 +21,7 @@ import numpy as np
 from coastwatch.batches import Bools, Floats, Ints, Sensors, Struct, Tracks, column
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.match_ids import index_of
-from coastwatch.picture.inputs import IdentitySettings
+from coastwatch.picture.settings import IdentitySettings
 
 
 @dataclass(frozen=True, eq=False)

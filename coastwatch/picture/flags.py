@@ -29,9 +29,10 @@ from coastwatch.batches.ais_codes import AIS_SART, EPIRB, MAN_OVERBOARD, is_vess
 from coastwatch.batches.hearing import SensorCover, sensor_covers
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred
 from coastwatch.picture.former_names import AisNow, AisPast, had_ais
-from coastwatch.picture.inputs import IdentitySettings, PictureInput
+from coastwatch.picture.inputs import PictureInput
 from coastwatch.picture.match import IdentityMatch
 from coastwatch.picture.order import VesselOrder
+from coastwatch.picture.settings import IdentitySettings
 
 STATIONARY_SIGMAS = 3.0  # of the position that a displacement must exceed
 

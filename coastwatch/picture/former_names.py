@@ -19,7 +19,7 @@ from coastwatch.geodesy import difference_m
 from coastwatch.kernels.bearings.candidates import ranges
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.kernels.tables.match_ids import index_of
-from coastwatch.picture.inputs import IdentitySettings
+from coastwatch.picture.settings import IdentitySettings
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,10 @@ from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.picture.confirmed import Confirmations, confirm
 from coastwatch.picture.flags import FlagMemory, ais_flags, flag, nav_statuses
 from coastwatch.picture.former_names import AisNow, AisPast, name_flags, next_past, outdated
-from coastwatch.picture.inputs import IdentitySettings, PictureInput, PictureOutput
+from coastwatch.picture.inputs import PictureInput, PictureOutput
 from coastwatch.picture.match import KnownTracks, match_identities
 from coastwatch.picture.order import members_of, order_vessels, picture_of, tracks_of
+from coastwatch.picture.settings import IdentitySettings
 from coastwatch.picture.vessels import KnownVessels, with_details
 
 JUMP_REACH = 1.25  # of the range of a radar: what it showed may have coasted out of it since

@@ -14,7 +14,8 @@ from coastwatch.batches import Array, Floats, Ints, Picture, Rows, SourceKind, S
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred
 from coastwatch.kernels.filters.gaussian import squared_distance
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.picture.inputs import IdentitySettings, PictureInput
+from coastwatch.picture.inputs import PictureInput
+from coastwatch.picture.settings import IdentitySettings
 from coastwatch.picture.vessels import Groups, KnownColumns, KnownVessels, predict, rows_of_groups
 
 AIS_WEIGHT = 1.2  # of the vote of an AIS track; a radar track has 1

@@ -9,8 +9,8 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import Bools, FusedTracks, Ints, Members, Picture, Tracks
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.picture.inputs import IdentitySettings
 from coastwatch.picture.match import IdentityMatch, KnownTracks
+from coastwatch.picture.settings import IdentitySettings
 from coastwatch.picture.vessels import KnownColumns, KnownVessels, predict, rows_of_groups
 
 

@@ -45,9 +45,7 @@ def measure(scenario: Scenario, seed: int, asked: Targets) -> dict[str, float | 
         for now_s, _, output in cycles(scenario, method, recording, method.init()):
             truth, tracks = recording.truth.at(now_s), output.tracks
             near = np.hypot(*difference_m(tracks.position_deg, sensors.radars.site_deg[0]).T) <= asked.within_m
-            counted = (
-                np.isin(tracks.origin, truth.vessel) if known else near
-            )  # of known origin: those of targets that are there
+            counted = np.isin(tracks.origin, truth.vessel) if known else near  # known: those of targets that are there
             scores = scores.seen(truth, tracks.take(counted), mmsi)
         found |= {f"{name}{key}": value for key, value in scores.as_dict().items()}
         found[f"{name}every_ospa_m"] = list(scores.every_ospa_m)
