@@ -1,7 +1,8 @@
 """`jit`, the one decorator of compiled functions, and where numba keeps what it has compiled.
 
 numba checks only the module of a function, not the modules that this function calls (numba issue 1833). So the folder of its cache
-is named by a digest of all kernels: any change of a kernel begins a new folder.
+is named by a digest of all kernels: any change of a kernel begins a new folder. Inside it a module has its place by its name, not by
+the path of the checkout, as numba has it: checkouts and installations with equal kernels share what one of them has compiled.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+KERNELS = Path(__file__).parent
+
 
 def cache_folder() -> Path:
     """Folder of the compiled kernels: inside NUMBA_CACHE_DIR if that is set, else inside the user's cache folder."""
     digest = hashlib.sha256(f"numba {version('numba')} {platform.machine()}".encode())
-    for module in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(module.read_bytes())
+    for module in sorted(KERNELS.rglob("*.py")):
+        digest.update(str(module.relative_to(KERNELS)).encode() + module.read_bytes())
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "coastwatch"
     parent, name = Path(os.environ.get("NUMBA_CACHE_DIR") or user), f"kernels-{digest.hexdigest()[:16]}"
     return parent if parent.name == name else parent / name  # a child process inherits the folder itself
@@ -28,8 +31,28 @@ def cache_folder() -> Path:
 
 os.environ["NUMBA_CACHE_DIR"] = str(cache_folder())
 
-from numba import njit  # noqa: E402 - numba reads its settings when it is imported
+from numba import config, njit  # noqa: E402 - numba reads its settings when it is imported
 from numba.core import event  # noqa: E402
+from numba.core.caching import UserProvidedCacheLocator  # noqa: E402
+
+
+class KernelCache(UserProvidedCacheLocator):
+    """Where numba keeps a compiled kernel: a folder by the place of its module in `coastwatch/kernels`. None for other functions."""
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """The folder, relative to that of the cache. Args: py_file: path of the module."""
+        return "_".join(Path(py_file).relative_to(KERNELS).with_suffix("").parts)
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> KernelCache | None:
+        """The place of a kernel; None: not a kernel, numba goes on to its next class. Args: py_file: path of the module."""
+        return super().from_function(py_func, py_file) if Path(py_file).is_relative_to(KERNELS) else None  # type: ignore[no-untyped-call]
+
+
+# Not in the environment: a program that a hook starts may have numba, but not this class.
+if not config.CACHE_LOCATOR_CLASSES:  # type: ignore[attr-defined]
+    config.CACHE_LOCATOR_CLASSES = f"{__name__}.KernelCache,UserProvidedCacheLocator"  # type: ignore[attr-defined]
 
 
 def jit(function: Callable[..., Any]) -> Any:

@@ -16,9 +16,11 @@ from coastwatch.scenario import Scenario
 from coastwatch.scores.track_loss import initiation_scores, path_scores, shadow_scores
 from coastwatch.sensors import StartStates
 from coastwatch.server.timing import Stopwatch
-from coastwatch.tracks import ForestMemory, MultiHypothesisLiteral
+from coastwatch.tracks import ForestMemory, MultiHypothesisLiteral, RadarMemory
+from coastwatch.tracks.radar.multi_hypothesis.trees import decide_open
 from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Decided
 from coastwatch.tracks.radar.multi_hypothesis_literal.initiation import transition
+from coastwatch.tracks.radar.report import report_decided
 
 SAME_S = 1e-3  # a plot and the end of its cycle that are closer are of one instant
 
@@ -52,6 +54,9 @@ def measure(scenario: Scenario, seed: int, asked: TrackLoss) -> dict[str, float 
             if isinstance(memory, ForestMemory):
                 decided.append(memory.decided)
     true_m, online_m = as_paths(true), as_paths(shown)
+    if isinstance(memory, RadarMemory):
+        rest = decide_open(memory.without_reported().forest, memory.table, memory.table.live)
+        past.append(report_decided(rest.decided, sensors, 0))
     final_m = as_paths(corrected(shown, DecidedPath.join(past), instants_s, site_deg))
     smoothed_rmsd_m: float | None = None
     if isinstance(memory, ForestMemory) and isinstance(method, MultiHypothesisLiteral):
@@ -113,10 +118,42 @@ def corrected(
 
     Args: shown: names (n,) and positions (n, 2) at each instant.
     """
-    number, ever = past.track_id % ID_STRIDE, np.concatenate([name for name, _ in shown])
-    position_m, out = to_plane(past.position_deg, site_deg), []
-    for now_s, (name, shown_m) in zip(instants_s, shown, strict=True):
-        at = np.flatnonzero((np.abs(past.time_s - now_s) < SAME_S) & np.isin(number, ever))
-        kept = ~np.isin(name, number[at])
-        out.append((np.append(number[at], name[kept]), np.concatenate([position_m[at], shown_m[kept]])))
+    ever = np.concatenate([name for name, _ in shown])
+    past = past.take(np.flatnonzero(np.isin(past.track_id % ID_STRIDE, ever)))
+    past = past.take(np.lexsort((past.time_s, past.track_id)))
+    number, position_m = past.track_id % ID_STRIDE, to_plane(past.position_deg, site_deg)
+    start = np.append(np.flatnonzero(np.diff(number, prepend=-1)), len(number))
+    instant = np.array(instants_s)
+    decided: list[tuple[Ints, Ints, Floats]] = []
+    for first, end in zip(start[:-1].tolist(), start[1:].tolist(), strict=True):
+        time_s = past.time_s[first:end]
+        within = np.flatnonzero((instant > time_s[0] - SAME_S) & (instant < time_s[-1] + SAME_S))
+        path_m = path_between(time_s, position_m[first:end], past.velocity_m_s[first:end], instant[within])
+        decided.append((np.full(len(within), number[first]), within, path_m))
+    if not decided:
+        return shown
+    names, at, where_m = (np.concatenate(column) for column in zip(*decided, strict=True))
+    out = []
+    for k, (name, shown_m) in enumerate(shown):
+        here = at == k
+        kept = ~np.isin(name, names[here])
+        out.append((np.append(names[here], name[kept]), np.concatenate([where_m[here], shown_m[kept]])))
     return out
+
+
+def path_between(time_s: Floats, position_m: Floats, velocity_m_s: Floats, instant_s: Floats) -> Floats:
+    """Positions at some instants of a path that is known at others (n, 2): the cubic through both states about each.
+
+    Given these states, that is the mean of a motion whose acceleration is white noise.
+    Args: time_s: (N,) sorted; position_m, velocity_m_s: (N, 2); instant_s: between the first of them and the last.
+    """
+    time_s, at = np.unique(time_s, return_index=True)
+    position_m, velocity_m_s = position_m[at], velocity_m_s[at]
+    left = np.clip(np.searchsorted(time_s, instant_s, side="right") - 1, 0, max(len(time_s) - 2, 0))
+    right = np.minimum(left + 1, len(time_s) - 1)
+    span = np.maximum(time_s[right] - time_s[left], SAME_S)[:, None]
+    u = np.clip((instant_s - time_s[left])[:, None] / span, 0.0, 1.0)
+    chord = position_m[right] - position_m[left]
+    bend = (1.0 - u) * (velocity_m_s[left] * span - chord) - u * (velocity_m_s[right] * span - chord)
+    path: Floats = position_m[left] + u * chord + u * (1.0 - u) * bend
+    return path

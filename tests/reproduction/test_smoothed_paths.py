@@ -1,4 +1,4 @@
-"""Whole paths of the literal multiple hypothesis tracker, smoothed: as filterpy smooths each, whatever the order of their states."""
+"""Whole paths: of the literal multiple hypothesis tracker, smoothed as filterpy smooths each; and between states that are known."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from filterpy.kalman import KalmanFilter
 
 from coastwatch.kernels.tracks.thesis_growth import process_noise
-from coastwatch.reproduction.track_loss import smoothed
+from coastwatch.reproduction.track_loss import path_between, smoothed
 from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Decided
 from coastwatch.tracks.radar.multi_hypothesis_literal.initiation import transition
 
@@ -50,3 +50,31 @@ def test_each_path_is_that_of_filterpy() -> None:
 
 def test_of_no_path_there_is_none() -> None:
     assert smoothed(Decided.empty(), NOISE).shape == (0, 4)
+
+
+def test_between_two_known_states_a_path_is_the_mean_of_white_acceleration() -> None:
+    """The smoother of filterpy over steps of 0.25 s, between two states that it measures without error."""
+    rng, step_s, seen_s = np.random.default_rng(6), 0.25, np.array([3.0, 8.0, 9.5])
+    known = rng.normal(0.0, 50.0, (3, 4))
+    instant_s = np.arange(3.0, 9.6, step_s)
+    one = KalmanFilter(dim_x=4, dim_z=4)
+    one.H, one.R, one.P, one.F = np.eye(4), 1e-10 * np.eye(4), 1e6 * np.eye(4), transition(step_s)
+    one.Q = np.kron([[step_s**3 / 3.0, step_s**2 / 2.0], [step_s**2 / 2.0, step_s]], np.eye(2))
+    mean, covariance = [], []
+    for k, now_s in enumerate(instant_s):
+        if k:
+            one.predict()
+        if now_s in seen_s:
+            one.update(known[seen_s == now_s].T)
+        mean.append(one.x.copy())
+        covariance.append(one.P.copy())
+    wanted, *_ = one.rts_smoother(np.array(mean), np.array(covariance))
+    found = path_between(seen_s, known[:, :2], known[:, 2:], instant_s)
+    np.testing.assert_allclose(found, wanted[:, :2, 0], atol=1e-3)
+    straight = np.array([np.interp(instant_s, seen_s, known[:, k]) for k in range(2)]).T
+    assert np.abs(found - straight).max() > 5.0
+
+
+def test_of_one_state_a_path_is_its_place() -> None:
+    found = path_between(np.array([4.0]), np.array([[1.0, 2.0]]), np.array([[3.0, 0.0]]), np.array([4.0]))
+    np.testing.assert_array_equal(found, [[1.0, 2.0]])

@@ -83,6 +83,23 @@ def test_the_decided_past_is_more_exact_than_what_was_shown(scene):
     assert np.median(age_s) < 15.0
 
 
+def test_of_a_track_that_ends_every_plot_is_decided(scene):
+    """Four vessels give no plot after 36 s: their tracks end, and no state of them waits for later looks."""
+    plots, gone = scene[1], np.array([0, 2, 3, 6])
+    plots = plots.take((plots.time_s < 36.0) | ~np.isin(plots.origin, gone))
+    _, tracks, decided = run(TableTracker(method="multi_hypothesis"), plots, Messages.empty())
+    past, then = DecidedPath.join(decided), tracks[11]
+    ended = then.track_id[np.isin(then.origin, gone)]
+    assert len(ended) == 4
+    assert not np.isin(ended, tracks[-1].track_id).any()
+    newest = {track: past.time_s[past.track_id == track].max() for track in ended.tolist()}
+    shown = dict(zip(then.track_id.tolist(), then.origin.tolist(), strict=True))
+    plot = {vessel: plots.time_s[plots.origin == vessel].max() for vessel in gone.tolist()}
+    of_their_last_plot = [newest[track] == plot[shown[track]] for track in ended.tolist()]
+    assert np.mean(of_their_last_plot) > 0.7  # others ended on a false plot, or left it out
+    assert len(np.unique(np.column_stack([past.track_id, past.time_s]), axis=0)) == len(past)
+
+
 def test_a_run_that_is_saved_in_each_open_decision_is_the_same_to_the_bit(scene):
     _, plots, messages = scene
     method = TableTracker(method="multi_hypothesis")

@@ -322,9 +322,15 @@ def _sorted(rows: Ints) -> Ints:
     return rows if in_order else rows[np.lexsort(rows.T[::-1])]
 
 
-def decided_rows(run_id: int, number: int, decided: DecidedPath, members: Ints) -> list[Column]:
-    """Columns of table `decided_path`, in key order: the states of tracks that are in the picture. Args: members: (L, 3)."""
-    vessel = _vessel_of(members, decided.track_id // ID_STRIDE, decided.track_id)
+def decided_rows(run_id: int, number: int, decided: DecidedPath, members: Ints, before: Ints) -> list[Column]:
+    """Columns of table `decided_path`, in key order: the states of tracks that are in the picture, or left it in this cycle.
+
+    Args: members: (L, 3); before: (K, 3) those of the cycle before.
+    """
+    source = decided.track_id // ID_STRIDE
+    vessel = _vessel_of(members, source, decided.track_id)
+    left = np.flatnonzero(vessel < 0)
+    vessel[left] = _vessel_of(before, source[left], decided.track_id[left])
     rows = np.flatnonzero(vessel >= 0)
     rows = rows[np.lexsort((decided.time_s[rows], vessel[rows]))]
     decided, count = decided.take(rows), np.arange(len(rows))

@@ -179,7 +179,7 @@ def _write(
         sources = source_texts(picture.vessel_id, members, before.source_names)
         rows += _replace(connection, VESSEL, run_id, to_rows.vessel_rows(run_id, picture, sources, intervals))
         rows += _replace(connection, BEARING_TRACK, run_id, to_rows.bearing_track_rows(run_id, cycle))
-    rows += insert(connection, DECIDED_PATH, to_rows.decided_rows(run_id, number, cycle.decided, members))
+    rows += insert(connection, DECIDED_PATH, to_rows.decided_rows(run_id, number, cycle.decided, members, before.members))
     rows += _write_stays(connection, run_id, number, before, members, picture)
     rows += events.write_events(connection, run_id, number, cycle.events, before.timeline)
     if number % keep.spots_every == 0:

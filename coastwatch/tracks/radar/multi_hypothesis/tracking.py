@@ -30,6 +30,7 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     shares,
     with_linked,
     with_roots,
+    without_ended,
     write_chosen,
 )
 from coastwatch.tracks.radar.parts import Parts, begin_tracks, learn_turn
@@ -126,7 +127,8 @@ class MultiHypothesis(Settings):
     def end_cycle(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
         """Merge tracks of one vessel."""
         memory = merge_duplicates(parts.existence, memory, parts.sensors.radars.period_s, time_s)
-        return replace(memory, forest=memory.forest.compact(memory.table.live))
+        forest = without_ended(memory.forest, memory.table)
+        return replace(memory, forest=forest.compact(memory.table.live))
 
     def predict(self, parts: Parts, memory: RadarMemory, slots: Ints, time_s: float) -> tuple[Estimates, Floats]:
         """The tracks in these slots (N), predicted to a time: the mean of the chosen leaf, and the covariance of all leaves about it.

@@ -39,15 +39,20 @@ def forest_of(memory: RadarMemory, looks: int) -> Forest:
         forest = replace(forest, leaves=Leaves.empty(W=window, R=count, J=models))
     if forest.leaves.plot.shape[1] != window:
         raise ValueError(f"memory of radar tracks: got a window of {forest.leaves.plot.shape[1] - 1}, needed {looks}")
-    live = np.zeros(len(table.track_id), np.bool_)
-    live[table.live] = True
-    forest = forest.with_slots(len(live))
-    count = forest.trees().leaves
-    gone = np.flatnonzero((count > 0) & ~live)
+    forest = without_ended(forest.with_slots(len(table.track_id)), table)
+    roots = table.live[forest.trees().leaves[table.live] == 0]
+    return with_roots(forest, table, np.sort(roots), np.full(len(roots), -1)) if len(roots) else forest
+
+
+def without_ended(forest: Forest, table: Table) -> Forest:
+    """This forest without the leaves of tracks that have ended. Their open states are decided now: no look comes that could change them."""
+    ended = forest.trees().leaves > 0
+    ended[table.live] = False
+    gone = np.flatnonzero(ended)
     if len(gone):
+        forest = decide_open(forest, table, gone[table.status[gone] == Status.CONFIRMED])
         forest.leaves.slot[kernels.tracks.tree_rows.rows_of(forest.trees(), gone)] = -1
-    roots = np.flatnonzero(live & (count == 0))
-    return with_roots(forest, table, roots, np.full(len(roots), -1)) if len(roots) else forest
+    return forest
 
 
 def with_roots(forest: Forest, table: Table, slots: Ints, plots: Ints) -> Forest:
@@ -159,11 +164,32 @@ def decide(forest: Forest, table: Table, pruned: Pruned, looked: Bools) -> Fores
     Args: forest: with the steps of the leaves that stay; pruned: these leaves; looked: (S,) trees that were looked at.
     """
     path = pruned.leaves.step[pruned.start[:-1]]
-    final = looked[pruned.slot] & (table.status[pruned.slot] == Status.CONFIRMED) & (path[:, 0] >= 0)
-    if not final.any():
+    final = looked[pruned.slot] & (table.status[pruned.slot] == Status.CONFIRMED)
+    return _with_decided(forest, table.track_id[pruned.slot[final]], path[final])
+
+
+def decide_open(forest: Forest, table: Table, slots: Ints) -> Forest:
+    """This forest with the states of the chosen leaves of these tracks that no look has made final yet."""
+    trees = forest.trees()
+    slots = slots[trees.leaves[slots] > 0]
+    if not len(slots):
         return forest
-    path, steps = path[final], forest.steps
+    path = forest.leaves.step[trees.first[slots]]
+    for place in range(1, path.shape[1]):
+        forest = _with_decided(forest, table.track_id[slots], path[:, place:])
+    return forest
+
+
+def _with_decided(forest: Forest, number: Ints, path: Ints) -> Forest:
+    """This forest with the oldest states of these paths, smoothed by those after them, where there is a measurement.
+
+    Args: number: (T,) of the tracks; path: (T, W) rows of steps, oldest first, -1: none.
+    """
+    held = path[:, 0] >= 0
+    if not held.any():
+        return forest
+    number, path, steps = number[held], path[held], forest.steps
     mean, covariance = kernels.filters.smoothing.fixed_lag(steps.columns, path)
     first = path[:, 0]
-    new = Decided(table.track_id[pruned.slot[final]], steps.time_s[first], mean, covariance, steps.radar[first])
+    new = Decided(number, steps.time_s[first], mean, covariance, steps.radar[first])
     return replace(forest, decided=Decided.join([forest.decided, new]))
