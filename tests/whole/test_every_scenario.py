@@ -27,7 +27,7 @@ RECORDED = {name: "autoferry" for name in SHIPPED if name.startswith("autoferry-
 FEW = {"input.count": "100"}
 SLOWER = {"period_s": "4.0", "cycles": "101"}  # 401 s, as the scenario lasts
 SHORTENED: dict[str, dict[str, str]] = {
-    "busy-harbour": {"period_s": "30.0", "cycles": "15"},
+    "busy-harbour": {"period_s": "60.0", "cycles": "8"},
     "context-driven-500": FEW,
     "context-driven-1000": FEW,
     "guanabara": {"input.count": "60", "cycles": "40"},
