@@ -27,6 +27,7 @@ from coastwatch.kernels.tables.counting_sort import counting_sort
 
 PROVEN = 1e-7  # difference of two bounds that are one
 STALE, SHORTER = 4, 0.6  # after so many rounds without a better lower bound, the steps of prices are shorter by this factor
+LEAST_STEP = 1e-3  # of the gap between the bounds: shorter steps find no better choice
 FIRST_GAP = 10.0  # assumed until the first upper bound
 DISPLACED = 3  # trees that choose again in an exchange
 SWEEPS = 50  # of exchanges through all trees, at most
@@ -266,6 +267,8 @@ def _prices(cluster, rounds):  # type: ignore[no-untyped-def]
             stale += 1
             if stale == STALE:
                 step, stale = SHORTER * step, 0
+                if step < LEAST_STEP:
+                    break
         total = _repair(cluster, reduced, low, used, repaired)
         if total < upper:
             upper = total

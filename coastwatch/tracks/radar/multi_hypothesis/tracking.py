@@ -55,7 +55,7 @@ class MultiHypothesis(Settings):
         12.0  # a leaf that costs so much more than the cheapest of its track, with the prices of its plots, is dropped
     )
     patience: Count = 8  # looks without a plot of its chosen leaf after which a track ends; not `upkeep.delete_misses`
-    price_rounds: Annotated[int, Field(ge=1, le=1000)] = 100  # number of rounds of the global choice in a cluster, at most
+    price_rounds: Annotated[int, Field(ge=1, le=1000)] = 200  # number of rounds of the global choice in a cluster, at most
     search_nodes: Annotated[int, Field(ge=1, le=100_000)] = 2000  # number of nodes of its branch and bound, at most
 
     def track_batch(self, parts: Parts, memory: RadarMemory, batch: PlotColumns) -> tuple[RadarMemory, Ints]:
