@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import logging
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -36,6 +37,8 @@ from coastwatch.workers import Workers, open_workers, processors
 Progress = Callable[[int, int, str], None]
 OnCycle = Callable[[Cycle], None]
 OnInput = Callable[[tuple[FileContent, ...], tuple[Fault, ...]], None]
+
+LOG = logging.getLogger("coastwatch.serve")
 
 RESUME_WITHIN_S = 600.0
 """A live run goes on from its checkpoint if that is at most so old: the cycles since then are computed without reports."""
@@ -248,6 +251,10 @@ class _Run:
         if live is not None:
             live.ready(self.sensors)
         before = store.resume_point(self.store, scenario.name, self.seed, version(), settings) if resume else None
+        if resume and before is None:
+            why = store.why_not_resumed(self.store, scenario.name, self.seed, version(), settings)
+            if why is not None:
+                LOG.warning(f"a new run begins: {why}")
         positions = {} if before is None else store.region_positions(self.store, before[0], before[1])
         self.recording, plan = self.source.begin(scenario, self.sensors, self.seed, self.stop, positions)
         if live is not None and before is not None:
@@ -256,6 +263,9 @@ class _Run:
             if former == plan or 0.0 <= after_s <= RESUME_WITHIN_S:
                 plan = former
             else:
+                LOG.warning(
+                    f"a new run begins: run {before[0]} ended {after_s:.0f} s ago, needed {RESUME_WITHIN_S:g} s or less"
+                )
                 before = None
         self.plan, self.most = plan, (0, plan.start_s)
         if before is not None:

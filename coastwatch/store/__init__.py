@@ -58,6 +58,7 @@ from coastwatch.store.runs import run_status as run_status
 from coastwatch.store.runs import runs as runs
 from coastwatch.store.runs import set_verdict as set_verdict
 from coastwatch.store.runs import sole_server as sole_server
+from coastwatch.store.runs import why_not_resumed as why_not_resumed
 from coastwatch.store.schema.database import NoSuchRunError as NoSuchRunError
 from coastwatch.store.schema.database import NotThere as NotThere
 from coastwatch.store.schema.database import QueryLimit as QueryLimit

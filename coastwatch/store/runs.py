@@ -213,6 +213,34 @@ def resume_point(
     return None
 
 
+def why_not_resumed(store: Store, scenario: str, seed: int, version: str, settings: Mapping[str, object]) -> str | None:
+    """What differs in the newest unfinished run of a scenario and seed that has a checkpoint, where `resume_point` finds none.
+
+    None: there is no such run. Raises: StoreError.
+    """
+    query = select(RUN.c.id, RUN.c.version, RUN.c.settings).join(CHECKPOINT, CHECKPOINT.c.run_id == RUN.c.id)
+    query = query.where(RUN.c.scenario == scenario, RUN.c.seed == seed, RUN.c.status != "finished")
+    with reading(store) as connection:
+        newest = connection.execute(query.order_by(RUN.c.id.desc()).limit(1)).one_or_none()
+    if newest is None:
+        return None
+    if newest.version != version:
+        return f"run {newest.id} is of version {newest.version}, this is {version}"
+    before, now = dict(_leaves(newest.settings)), dict(_leaves(json.loads(as_json(settings))))
+    names = [name for name in sorted(before.keys() | now.keys()) if before.get(name) != now.get(name)]
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return f"run {newest.id} had other settings: {', '.join(names[:MOST_NAMED])}{more}"
+
+
+def _leaves(settings: object, path: str = "") -> Iterator[tuple[str, object]]:
+    """Each value of some settings that is no table, with its path."""
+    if not isinstance(settings, Mapping):
+        yield path, settings
+        return
+    for key, value in settings.items():
+        yield from _leaves(value, f"{path}.{key}" if path else key)
+
+
 def discard_runs(store: Store, scenario: str, seed: int | None = None) -> list[int]:
     """Delete all runs of a scenario (of one seed, where given) with everything they stored; returns their numbers.
 

@@ -123,11 +123,12 @@ def test_a_resume_with_nothing_unfinished_begins(tmp_path: Path) -> None:
     assert rows(path, 1) == rows(path, 2)
 
 
-def test_a_resume_under_other_settings_begins(tmp_path: Path) -> None:
+def test_a_resume_under_other_settings_begins(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = tmp_path / "x.db"
     with pytest.raises(RuntimeError):
         run(path, small(cycles="7", store__checkpoint_every="2"), on_cycle=after(5, RuntimeError("mast down")))
     assert run(path, small(cycles="7", store__checkpoint_every="2", spots__count="2"), resume=True).run_id == 2
+    assert "a new run begins: run 1 had other settings: spots.count" in caplog.messages
 
 
 def after(cycles: int, error: Exception) -> Any:

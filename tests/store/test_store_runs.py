@@ -151,6 +151,9 @@ def test_only_an_unfinished_run_of_the_same_kind_is_resumed(url: str) -> None:
         assert kept.resume_point(store, "sea", 1, "0.2.0") is None
         assert kept.resume_point(store, "lake", 1, "0.1.0") is None
         assert kept.resume_point(store, "sea", 1, "0.1.0", {"period_s": 4.0}) is None
+        assert kept.why_not_resumed(store, "sea", 1, "0.1.0", {"period_s": 4.0}) == f"run {run} had other settings: period_s"
+        assert kept.why_not_resumed(store, "sea", 1, "0.2.0", {}) == f"run {run} is of version 0.1.0, this is 0.2.0"
+        assert kept.why_not_resumed(store, "lake", 1, "0.1.0", {}) is None
         kept.finish_run(store, run, "finished")
         assert kept.resume_point(store, "sea", 1, "0.1.0") is None
 
