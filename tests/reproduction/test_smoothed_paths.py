@@ -7,7 +7,9 @@ import pytest
 from filterpy.kalman import KalmanFilter
 
 from coastwatch.kernels.tracks.thesis_growth import process_noise
-from coastwatch.reproduction.track_loss import path_between, smoothed
+from coastwatch.reproduction.published import TrackLoss
+from coastwatch.reproduction.track_loss import measure, path_between, smoothed
+from coastwatch.scenario import load_scenario
 from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Decided
 from coastwatch.tracks.radar.multi_hypothesis_literal.initiation import transition
 
@@ -78,3 +80,18 @@ def test_between_two_known_states_a_path_is_the_mean_of_white_acceleration() -> 
 def test_of_one_state_a_path_is_its_place() -> None:
     found = path_between(np.array([4.0]), np.array([[1.0, 2.0]]), np.array([[3.0, 0.0]]), np.array([4.0]))
     np.testing.assert_array_equal(found, [[1.0, 2.0]])
+
+
+def test_a_decided_path_is_scored_at_looks_without_a_plot_too() -> None:
+    """Half of the looks have none. As they were shown at the time they would keep the error of the prediction."""
+    settings = {
+        "cycles": "38",  # eight without clutter, then thirty
+        "tracks.method": "multi_hypothesis",
+        "input.detection_probability": "0.5",
+        "tracks.upkeep.detection.detection_probability": "0.5",
+        "tracks.upkeep.new_vessels_per_m2": "1e-10",  # few tentative tracks: a tenth of the time
+        "tracks.upkeep.begin_existence": "1e-6",
+    }
+    found = measure(load_scenario("liland-tracking", settings), 7, TrackLoss())
+    assert found["rmsd_m"] < 0.6 * found["online_rmsd_m"]
+    assert found["tracking"] >= found["online_tracking"]
