@@ -95,3 +95,9 @@ def test_a_decided_path_is_scored_at_looks_without_a_plot_too() -> None:
     found = measure(load_scenario("liland-tracking", settings), 7, TrackLoss())
     assert found["rmsd_m"] < 0.6 * found["online_rmsd_m"]
     assert found["tracking"] >= found["online_tracking"]
+
+
+def test_of_a_tracker_that_decides_at_once_both_paths_are_one() -> None:
+    found = measure(load_scenario("liland-tracking", {"cycles": "14", "tracks.method": "vimmjipda"}), 7, TrackLoss())
+    assert found["tracking"] == found["online_tracking"] > 0.5
+    assert found["rmsd_m"] == found["online_rmsd_m"]

@@ -170,6 +170,8 @@ def decide(forest: Forest, table: Table, pruned: Pruned, looked: Bools) -> Fores
 
 def decide_open(forest: Forest, table: Table, slots: Ints) -> Forest:
     """This forest with the states of the chosen leaves of these tracks that no look has made final yet."""
+    if not len(forest.leaves):  # of a tracker that decides at once
+        return forest
     trees = forest.trees()
     slots = slots[trees.leaves[slots] > 0]
     if not len(slots):
