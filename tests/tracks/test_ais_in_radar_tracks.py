@@ -17,7 +17,12 @@ from coastwatch.tracks.radar.multi_hypothesis import MultiHypothesis
 
 pytestmark = pytest.mark.contract
 
-METHODS = [m for m in every_tracker() if isinstance(m, TableTracker) and m.holds_messages and m.bank.method == "compiled"]
+ALWAYS = {"trust": "always"}  # as in the papers: `test_ais_left` has tracks that leave their messages
+METHODS = [
+    m.model_copy(update={"messages": m.messages.model_copy(update=ALWAYS)})
+    for m in every_tracker()
+    if isinstance(m, TableTracker) and m.holds_messages and m.bank.method == "compiled"
+]
 FIRST_MMSI = 219_001_000
 SIGMA_M = 3.0
 VELOCITY_SIGMA_M_S = 0.1
@@ -228,6 +233,6 @@ def test_the_better_pair_of_the_vessel_of_a_held_track_stands(is_distance, stati
 def test_messages_without_a_radar_turn_keep_a_track():
     truth = world(1, 33, kick_m_s=0.0, side_nm=1.0)
     messages = messages_of(truth, [0], 33, every_s=3.0)
-    _, out = run(TableTracker(method="vimmjipda_sequential"), Plots.empty(), messages)
+    _, out = run(TableTracker(method="vimmjipda_sequential", messages=ALWAYS), Plots.empty(), messages)
     assert [len(tracks) for tracks in out[1:]] == [1] * (CYCLES - 1)
     assert out[-1].updated_s[0] == messages.time_s[-1]

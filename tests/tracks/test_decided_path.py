@@ -18,6 +18,7 @@ pytestmark = pytest.mark.contract
 
 CYCLES = 20
 MMSI = 219_002_000
+ALWAYS = {"trust": "always"}  # tracks that no radar sees are reported
 
 
 def messages_of(truth, vessels, every_s, mmsi):
@@ -130,7 +131,8 @@ def test_an_odd_mmsi_is_no_identity_and_its_messages_are_used(scene):
     truth, plots, _ = scene
     names = np.full(16, 11_930_446)
     names[1] = MMSI
-    _, tracks, decided = run(TableTracker(method="multi_hypothesis"), plots, messages_of(truth, np.arange(2), 6.0, names))
+    method = TableTracker(method="multi_hypothesis", messages=ALWAYS)
+    _, tracks, decided = run(method, plots, messages_of(truth, np.arange(2), 6.0, names))
     held = dict(zip(tracks[-1].origin.tolist(), tracks[-1].held_mmsi.tolist(), strict=True))
     assert held[0] == -1
     assert held[1] == MMSI
@@ -145,7 +147,7 @@ def test_a_vessel_that_radars_lose_lives_by_its_messages_and_ends_when_they_stay
     truth = world(1, 62, kick_m_s=0.0, side_nm=1.0)
     plots = plots_of(truth, two_radars(), PERIOD_S * CYCLES, 62)
     plots = plots.take(plots.time_s < 12.0)
-    method = TableTracker(method="multi_hypothesis", upkeep={"coast_s": 9.0})
+    method = TableTracker(method="multi_hypothesis", messages=ALWAYS, upkeep={"coast_s": 9.0})
     slow = messages_of(truth, np.arange(1), 10.0, [MMSI])
     _, tracks, _ = run(method, plots, slow)
     assert [len(one) for one in tracks[4:]] == [1] * (CYCLES - 4)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch.batches import Bools, Floats, Ints
-from coastwatch.batches.struct import Struct, column
+from coastwatch.batches.struct import Batch, column, optional_column
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.tracks.radar.motion import Filters
 
 
 @dataclass(frozen=True, eq=False)
-class PlotFilters(Struct):
+class PlotFilters(Batch):
     """A filter of plots alone for each slot of the table of tracks, J = 0 where none is kept. A slot without one has the time -inf."""
 
     updated_s: Floats = column(np.float64, "S")  # newest plot
@@ -25,11 +25,7 @@ class PlotFilters(Struct):
     noise_m2_s3: Floats = column(np.float64, "S")
     left_mmsi: Ints = column(np.int64, "S")  # whose messages the track has left, -1: nobody's
     left_s: Floats = column(np.float64, "S")  # when, -inf: never
-
-    @classmethod
-    def empty(cls, models: int) -> PlotFilters:
-        """No slot. Args: models: J of each filter."""
-        return cls.zeros(J=models)
+    doubted_s: Floats = optional_column("S")  # since then its plots contradict its messages, NaN: they do not
 
     @property
     def models(self) -> int:
@@ -60,5 +56,5 @@ class PlotFilters(Struct):
             for name, one in ((n, getattr(self, n)) for n in self.__dataclass_fields__)
         }
         rows["updated_s"][-more:], rows["left_mmsi"][-more:] = -np.inf, -1
-        rows["left_s"][-more:] = -np.inf
+        rows["left_s"][-more:], rows["doubted_s"][-more:] = -np.inf, np.nan
         return PlotFilters(**rows)

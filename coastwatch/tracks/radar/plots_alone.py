@@ -7,7 +7,6 @@ filters contradict each other, the messages are of another vessel, or state a wr
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
@@ -16,20 +15,12 @@ from coastwatch.batches import Floats, Ints
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.kalman import MANOEUVRE
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
-from coastwatch.kernels.tracks.joint_update import Hypotheses
-from coastwatch.tracks.radar.bank.compiled import CompiledBank
-from coastwatch.tracks.radar.motion import Filters, Motion
-from coastwatch.tracks.radar.parts import FilterBank
+from coastwatch.tracks.radar.motion import Filters
+from coastwatch.tracks.radar.parts import FilterBank, Parts
 from coastwatch.tracks.radar.plot_filters import PlotFilters
 from coastwatch.tracks.radar.table import Table
 
 LEAST_GAIN = 0.25  # of the variance of the filter of plots alone: a smaller difference is not tested more narrowly
-
-
-@cache
-def bank() -> CompiledBank:
-    """The bank of filters of plots alone: three models, as they only have to be consistent."""
-    return CompiledBank(Motion())
 
 
 def as_table(alone: PlotFilters, table: Table) -> Table:
@@ -46,11 +37,11 @@ def as_table(alone: PlotFilters, table: Table) -> Table:
     )
 
 
-def begin_at_tracks(alone: PlotFilters, table: Table, slots: Ints) -> None:
+def begin_at_tracks(alone: PlotFilters, table: Table, parts: Parts, slots: Ints) -> None:
     """Begin the filters of tracks that have plots and no message yet, at their estimates. In place. Args: slots: of any tracks."""
     slots = slots[~alone.has_filter(slots) & ~np.isfinite(table.message_s[slots])]
     of_plots = slots[np.isfinite(table.radar_s[slots]).any(axis=1)]
-    begin_at(alone.filters, alone.estimates, of_plots, bank(), table.estimates, of_plots)
+    begin_at(alone.filters, alone.estimates, of_plots, parts.bank, table.estimates, of_plots)
     alone.updated_s[of_plots] = table.updated_s[of_plots]
 
 
@@ -64,27 +55,25 @@ def begin_at(filters: Filters, estimates: Estimates, slots: Ints, of: FilterBank
 
 
 def update(
-    alone: PlotFilters, table: Table, pairs: Hypotheses, share: Floats, likely: Ints, batch: PlotColumns, least: float
+    alone: PlotFilters, table: Table, parts: Parts, of: Ints, plot: Ints, share: Floats, likely: Ints, batch: PlotColumns
 ) -> None:
-    """Update the filters by the plots of their tracks, with the shares of the guided association. In place.
+    """Update the filters by the plots of their tracks, with the shares of the association. In place.
 
     A track that messages began gets its filter by the first plot that it likely takes.
-    Args: pairs: of tracks and plots; share: (A,) probability of each, given that its track exists; likely: rows of pairs; least:
-    probability of a model.
+    Args: of, plot: (A,) slot and plot of each pair; share: (A,) its probability, given that its track exists; likely: rows of pairs.
     """
-    of = pairs.slot[pairs.track]
     rows = np.flatnonzero(alone.has_filter(of))
     if len(rows):
-        chosen = Candidates(pairs.plot[rows], of[rows], np.zeros(len(rows)), np.zeros(len(rows)))
+        chosen = Candidates(plot[rows], of[rows], np.zeros(len(rows)), np.zeros(len(rows)))
         shadow = as_table(alone, table)
-        predicted = bank().predict_to_plots(shadow, chosen, batch)
-        bank().update_by_shares(shadow, predicted, share[rows], batch, least)
+        predicted = parts.joint.predict_to_plots(shadow, chosen, batch)
+        parts.joint.update_by_shares(shadow, predicted, share[rows], batch, parts.existence.least_model_probability)
     first = likely[~alone.has_filter(of[likely]) & np.isfinite(table.message_s[of[likely]])]
-    bank().initialise(alone.filters, alone.estimates, of[first], pairs.plot[first], batch)
+    parts.bank.begin(as_table(alone, table), of[first], plot[first], batch)
 
 
 def contradicted(
-    alone: PlotFilters, table: Table, of: FilterBank, slots: Ints, bias: Floats, time_s: float, limit: float
+    alone: PlotFilters, table: Table, parts: Parts, slots: Ints, bias: Floats, time_s: float, limit: float
 ) -> Ints:
     """Which of these tracks have a filter of plots alone that contradicts their messages. Returns: rows of slots.
 
@@ -94,8 +83,8 @@ def contradicted(
     Source: J. A. Hausman, Specification tests in econometrics, Econometrica 46(6), 1978.
     """
     rows = np.flatnonzero(alone.has_filter(slots) & np.isfinite(table.message_s[slots]))
-    apart = bank().predict(alone.filters, alone.estimates, slots[rows], time_s)
-    joint = of.predict(table.filters, table.estimates, slots[rows], time_s)
+    apart = parts.bank.predict(alone.filters, alone.estimates, slots[rows], time_s)
+    joint = parts.bank.predict(table.filters, table.estimates, slots[rows], time_s)
     sound = np.isfinite(apart.mean + joint.mean).all(axis=1) & np.isfinite(apart.covariance + joint.covariance).all(axis=(1, 2))
     rows = rows[sound]
     bias = bias[rows]

@@ -26,7 +26,6 @@ from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
 from coastwatch.stage import Method
-from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.association import AnyAssociation, MultiHypothesis
 from coastwatch.tracks.radar.clutter import standing_echoes
 from coastwatch.tracks.radar.extent import (
@@ -41,7 +40,16 @@ from coastwatch.tracks.radar.extent import (
     joined,
 )
 from coastwatch.tracks.radar.life.existence import KNOWN
-from coastwatch.tracks.radar.messages import Guiding, NoMessages, Sequential, WithMessages, begin_unnamed, in_order
+from coastwatch.tracks.radar.messages import (
+    Guiding,
+    NoMessages,
+    Sequential,
+    WithMessages,
+    begin_unnamed,
+    in_order,
+    leave,
+    trusted,
+)
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.report import Reported, report, report_decided, report_measurements
 from coastwatch.tracks.radar.table import RadarMemory
@@ -177,14 +185,18 @@ def update_region(
     parts: Parts,
     memory: RadarMemory,
     given: RegionInput,
+    tested: bool = False,
 ) -> tuple[RadarMemory, RegionOutput]:
-    """The memory and the tracks after the plots and messages of a cycle. It consumes the memory."""
+    """The memory and the tracks after the plots and messages of a cycle. It consumes the memory.
+
+    Args: tested: tracks leave messages that contradict their plots.
+    """
     plots, heard, jumped, time_s, sensors, region, _ = given
     upkeep, bank, origin_deg = parts.upkeep, parts.bank, sensors.region_origin_deg[region]
     memory = memory.without_radars(jumped).fitting(len(bank.models), len(sensors.radars))
-    if isinstance(messages, Guiding):
-        memory = memory.with_plots_alone(len(plots_alone.bank().models))
-        heard = messages.trusted(memory, heard, time_s)
+    if tested and not isinstance(messages, NoMessages):
+        memory = memory.with_plots_alone(len(bank.models))
+        heard = trusted(messages, memory, heard, time_s)
     queue = _MessagesInTurn.of(association, messages, parts, heard, memory)
     memory = memory.with_clutter_map(parts.clutter, sensors.radars)
     good = is_usable(plots, time_s, upkeep.ahead_s)
@@ -220,9 +232,9 @@ def update_region(
     radars = _radars(memory, ours, specified, sensors)
     memory = _end_slice(association, parts, memory, radars, ours, time_s)
     memory = _with_whole_ships(parts, association.end_cycle(parts, memory, time_s), time_s)
-    if isinstance(messages, Guiding):
-        messages.leave(parts, memory, float(heard.time_s.min(initial=np.inf)), time_s)
-    tracks = _shown_tracks(association, isinstance(messages, Guiding), parts, memory, radars, given)
+    if tested and not isinstance(messages, NoMessages):
+        memory = _without_contradicted(association, messages, parts, memory, heard, time_s, ours)
+    tracks = _shown_tracks(association, isinstance(messages, Guiding), tested, parts, memory, radars, given)
     found = RegionOutput(
         tracks=tracks,
         measurements=report_measurements(tracks, taken, plots, sensors, region),
@@ -232,6 +244,27 @@ def update_region(
         unproven=memory.forest.unproven,
     )
     return memory.without_reported(), found
+
+
+def _without_contradicted(
+    association: AnyAssociation,
+    messages: WithMessages,
+    parts: Parts,
+    memory: RadarMemory,
+    heard: Messages,
+    time_s: float,
+    ours: Ints,
+) -> RadarMemory:
+    """The memory after tracks have left messages that contradict their plots.
+
+    Where the last looks are not decided yet, plots must contradict messages for as long. Args: heard: messages of this cycle; ours: radars.
+    """
+    since_s = float(heard.time_s.min(initial=np.inf))
+    if not isinstance(association, MultiHypothesis):
+        leave(messages, parts, memory, since_s, time_s, 0.0)
+        return memory
+    undecided_s = association.window * float(parts.sensors.radars.period_s[ours].max(initial=0.0))
+    return association.begin_again(memory, leave(messages, parts, memory, since_s, time_s, undecided_s))
 
 
 def _end_slice(
@@ -247,17 +280,23 @@ def _end_slice(
 def _shown_tracks(
     association: AnyAssociation,
     of_plots: bool,
+    seen: bool,
     parts: Parts,
     memory: RadarMemory,
     radars: RadarColumns,
     given: RegionInput,
 ) -> Tracks:
-    """The tracks that are reported at the end of a cycle. Args: of_plots: by their plots alone, as messages guide the association."""
+    """The tracks that are reported at the end of a cycle.
+
+    Args: of_plots: by their plots alone, as messages guide the association; seen: those that a radar has seen lately.
+    """
     table, time_s, sensors = memory.table, given.time_s, given.sensors
     rows = parts.upkeep.shown(table, time_s)
+    if seen:
+        rows = rows[time_s - table.radar_s[rows].max(axis=1, initial=-np.inf) <= parts.upkeep.coast_s]
     alternative_m = np.zeros(0)  # not given: each is sure
     if of_plots:
-        rows, now = _by_plots(parts, memory, rows, time_s)
+        now = _by_plots(parts, memory, rows, time_s)
     elif isinstance(association, MultiHypothesis):
         now, alternative_m = association.predict(parts, memory, rows, time_s)
     else:
@@ -281,17 +320,16 @@ def _shown_tracks(
     return report(now, reported, radars, time_s, sensors, given.region)
 
 
-def _by_plots(parts: Parts, memory: RadarMemory, rows: Ints, time_s: float) -> tuple[Ints, Estimates]:
-    """The slots out of these that radars see, and their estimates by plots alone."""
+def _by_plots(parts: Parts, memory: RadarMemory, rows: Ints, time_s: float) -> Estimates:
+    """The estimates of the tracks in these slots by plots alone."""
     table, alone = memory.table, memory.plots_alone
-    rows = rows[time_s - table.radar_s[rows].max(axis=1, initial=-np.inf) <= parts.upkeep.coast_s]
     has_filter = alone.has_filter(rows)
-    by_plots = plots_alone.bank().predict(alone.filters, alone.estimates, rows[has_filter], time_s)
+    by_plots = parts.bank.predict(alone.filters, alone.estimates, rows[has_filter], time_s)
     others = parts.bank.predict(table.filters, table.estimates, rows[~has_filter], time_s)
     now = Estimates(*(np.empty((len(rows), *column.shape[1:])) for column in others))
     for column, one, other in zip(now, by_plots, others, strict=True):
         column[has_filter], column[~has_filter] = one, other
-    return rows, now
+    return now
 
 
 def _beam_m(memory: RadarMemory, rows: Ints, position_m: Floats, sensors: Sensors) -> Floats:

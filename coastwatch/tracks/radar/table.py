@@ -176,7 +176,7 @@ class RadarMemory(Struct):
     site_m: Floats = column(np.float64, "R", 2)  # where each radar was last, NaN where it has sent nothing
     newest_plot_s: Floats = column(np.float64, "R")  # newest plot of each radar, -inf where it has sent nothing
     clutter: ClutterMap = field(default_factory=ClutterMap.none)
-    plots_alone: PlotFilters = field(default_factory=lambda: PlotFilters.empty(0))  # where messages guide the association
+    plots_alone: PlotFilters = field(default_factory=lambda: PlotFilters.empty())  # where messages guide the association
     rates: LearntRates = field(default_factory=lambda: LearntRates.none(0))
     returns: Returns = field(default_factory=lambda: Returns.none(0))  # where each radar decides for a clutter map
     forest: Forest = field(default_factory=Forest.empty)  # of multi-hypothesis tracks
@@ -224,7 +224,7 @@ class RadarMemory(Struct):
         """This memory with filters of plots alone, if it has none: it is of a tracker without. Args: models: J of each."""
         if self.plots_alone.models:
             return self
-        return replace(self, plots_alone=PlotFilters.empty(models).with_slots(len(self.table.track_id)))
+        return replace(self, plots_alone=PlotFilters.empty(J=models).with_slots(len(self.table.track_id)))
 
     def with_clutter_map(self, settings: ClutterSettings, radars: Radars) -> RadarMemory:
         """This memory with an empty clutter map, if all radars are to learn one and there is none."""

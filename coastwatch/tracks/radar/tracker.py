@@ -77,6 +77,11 @@ class TableTracker(RadarMethod):
     def holds_messages(self) -> bool:
         return not (isinstance(self.messages, NoMessages) or self.messages.guides)
 
+    @property
+    def tests_messages(self) -> bool:
+        """Tracks leave messages that contradict their plots. Particles take every message."""
+        return not isinstance(self.messages, NoMessages) and self.messages.trust == "tested" and isinstance(self.bank, Compiled)
+
     @classmethod
     def settings_of(cls, method: str) -> set[str]:
         """The settings that this method, one of the names, is usually given."""
@@ -100,4 +105,4 @@ class TableTracker(RadarMethod):
         """
         registration = self.messages.registration if isinstance(self.messages, Guiding) else 0.0
         parts = Parts(self.bank.of(self.motion), self.upkeep, self.clutter, given.sensors, registration)
-        return update_region(self.association, self.messages, parts, memory, given)
+        return update_region(self.association, self.messages, parts, memory, given, self.tests_messages)

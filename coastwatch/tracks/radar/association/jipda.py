@@ -73,9 +73,7 @@ class Jipda(Settings):
         kernels.tracks.track_life.record(table.life, slot[of[likely]], plot[likely], batch)
         table.note_moved(clutter, slot)
         if memory.plots_alone.models:
-            plots_alone.update(
-                memory.plots_alone, table, hypotheses, probability / exists[of], likely, batch, rules.least_model_probability
-            )
+            plots_alone.update(memory.plots_alone, table, parts, slot[of], plot, probability / exists[of], likely, batch)
         best = np.full(len(batch.time), -1)
         best[plot[likely]] = slot[of[likely]]
         free: Floats = np.maximum(1.0 - np.bincount(plot, probability, len(batch.time)), 0.0)

@@ -13,6 +13,7 @@ from coastwatch.tracks.radar.messages.noisy_batch import NoisyBatch
 from coastwatch.tracks.radar.messages.precise_batch import PreciseBatch
 from coastwatch.tracks.radar.messages.sequential import Sequential
 from coastwatch.tracks.radar.messages.settings import in_order, messages_of
+from coastwatch.tracks.radar.messages.trust import leave, trusted
 from coastwatch.tracks.radar.messages.weighing import begin_unnamed
 
 
@@ -35,5 +36,7 @@ __all__ = [
     "WithMessages",
     "begin_unnamed",
     "in_order",
+    "leave",
     "messages_of",
+    "trusted",
 ]

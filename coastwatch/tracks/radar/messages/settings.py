@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,7 +11,7 @@ from pydantic import Field
 from coastwatch import kernels
 from coastwatch.batches import Floats, Measurements, Messages, Sensors, Tracks
 from coastwatch.geodesy import to_plane, turn, within_any
-from coastwatch.stage import Probability, Settings
+from coastwatch.stage import Positive, Probability, Settings
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.table import RadarMemory
 
@@ -25,6 +25,12 @@ class MessageSettings(Settings):
     gate_sigmas: Annotated[float, Field(gt=0.0)] = 6.0  # a message farther from a track, by all of its models, is not of it
     begin_existence: Probability = 0.05  # a message begins a track that exists with this probability or more
     velocities: bool = True  # speed and course of messages are used; false: positions alone, as in the paper
+    trust: Literal["tested", "always"] = "tested"
+    """tested: tracks leave messages that contradict their plots, and one that no radar has seen for `upkeep.coast_s` is not reported: its
+    AIS track is. always: as in the papers."""
+    doubt: Positive = 25.0  # normalised squared distance of the two filters at which a track leaves its messages
+    elsewhere_s: Positive = 10.0  # a track also leaves them where another track has had newer ones of that MMSI for so long
+    distrust_s: Positive = 120.0  # so long no track takes messages of an MMSI that a track has left
 
     @property
     def limit(self) -> float:

@@ -54,8 +54,8 @@ def take_at_once(
     table, batch, least = memory.table, columns_of(messages), parts.existence.least_model_probability
     pairs = parts.joint.predict_to_plots(table, near(parts, table, batch), batch)
     pairs = chosen(pairs, kernels.tracks.message_clusters.in_any_gate(tuple(table.filters), pairs, rules.limit))
-    if rules.guides:
-        plots_alone.begin_at_tracks(memory.plots_alone, table, pairs.slot)
+    if memory.plots_alone.models:
+        plots_alone.begin_at_tracks(memory.plots_alone, table, parts, pairs.slot)
     slot, start, plot = pairs.slot, pairs.start, pairs.plot
     if np.isnan(messages.velocity_m_s[:, 0]).all():
         candidate = Candidate(slot, start, plot, parts.joint.likelihood(table, pairs))

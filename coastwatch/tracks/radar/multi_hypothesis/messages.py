@@ -20,6 +20,7 @@ from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.kernels.tracks.columns import ExistenceColumns
 from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.kernels.tracks.joint_update import Hypotheses
+from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
 from coastwatch.tracks.radar.messages.sequential import Sequential
 from coastwatch.tracks.radar.messages.weighing import (
@@ -83,6 +84,8 @@ def take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: RadarM
     leaves.cost[rows[refuses]] += wrong
     grown = Leaves.join([leaves.take(rows), children])
     grown = with_linked(forest, trees, grown.take(np.argsort(grown.slot, kind="stable")), looked, messages.mmsi[heard.message])
+    if memory.plots_alone.models:
+        plots_alone.begin_at_tracks(memory.plots_alone, table, parts, np.flatnonzero(looked))
     pruned = choose_and_prune(pruning, forest, grown, looked, table.status)
     forest, unproven = forest.replaced(trees, pruned.slot, pruned.leaves, steps), forest.unproven + pruned.unproven
     forest = replace(forest, next_plot=first + len(messages), unproven=unproven)

@@ -16,6 +16,7 @@ from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
 from coastwatch.kernels.tracks.hypothesis_trees import Look
 from coastwatch.kernels.tracks.tree_rows import TreeRows
 from coastwatch.stage import Count, Positive, Settings
+from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
 from coastwatch.tracks.radar.life.existence import merge_duplicates
 from coastwatch.tracks.radar.messages.sequential import Sequential, rounds
@@ -80,6 +81,8 @@ class MultiHypothesis(Settings):
         next_plot, unproven = forest.next_plot + len(batch.time), forest.unproven + pruned.unproven
         forest = replace(forest, next_plot=next_plot, unproven=unproven)
         taken = write_chosen(parts, table, pruned, looked, look.number, batch)
+        if memory.plots_alone.models:
+            _update_plots_alone(parts, memory, taken, batch)
         at = pruned.slot[looked[pruned.slot]]
         table.looked_s[at, radar] = look.time[at]
         forest = decide(forest, table, pruned, looked)
@@ -97,6 +100,13 @@ class MultiHypothesis(Settings):
         for some in rounds(parts, rules, memory.table, messages):
             memory = take_round(self._pruning, parts, rules, memory, some)
         return memory
+
+    def begin_again(self, memory: RadarMemory, slots: Ints) -> RadarMemory:
+        """The memory with one leaf for each of these tracks, which is their row of the table."""
+        forest = forest_of(memory, self.window)
+        return (
+            replace(memory, forest=with_roots(forest, memory.table, slots, np.full(len(slots), -1))) if len(slots) else memory
+        )
 
     @property
     def _pruning(self) -> Pruning:
@@ -194,6 +204,14 @@ def _grown(
     radar = np.full(len(plot), look.radar)
     new = FilterSteps(steps.time, steps.mean, steps.covariance, steps.predicted_mean, steps.predicted_covariance, radar)
     return Leaves(*grown), new
+
+
+def _update_plots_alone(parts: Parts, memory: RadarMemory, taken: Ints, batch: PlotColumns) -> None:
+    """Update the filters of plots alone by the plots that chosen leaves took, in place. Args: taken: (M,) slot of each plot, -1: none."""
+    plot = np.flatnonzero(taken >= 0)
+    plot = plot[np.argsort(taken[plot], kind="stable")]
+    share, every = np.ones(len(plot)), np.arange(len(plot))
+    plots_alone.update(memory.plots_alone, memory.table, parts, taken[plot], plot, share, every, batch)
 
 
 def _begin(parts: Parts, memory: RadarMemory, existence: Floats, batch: PlotColumns) -> RadarMemory:

@@ -1,0 +1,92 @@
+"""Tracks leave AIS messages that contradict their plots, whatever their association; none that messages alone keep is reported."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from radar_world import PERIOD_S, plots_of, two_radars, world
+from test_ais_guides_plots import CYCLES, errors_m, messages_of, run
+
+from coastwatch.batches import Plots
+from coastwatch.server.checkpoint import load, save
+from coastwatch.tracks import TableTracker
+
+pytestmark = pytest.mark.contract
+
+METHODS = (
+    "guided_vimmjipda",
+    "vimmjipda_sequential",
+    "vimmjipda_precise_batch",
+    "vimmjipda_noisy_batch",
+    "multi_hypothesis",
+    "sided_multi_hypothesis",
+)
+PLOT_SIGMA_M = 45.0
+MMSI = 219_003_000  # of vessel 0
+
+
+@pytest.fixture(scope="module")
+def drifting():
+    """Two vessels. The AIS of vessel 0 drifts away by 5 m/s from the 24th second on: truth, plots, messages."""
+    truth = world(2, 31, kick_m_s=0.0, side_nm=1.0)
+    plots = plots_of(truth, two_radars(), PERIOD_S * 2 * CYCLES, 31)
+    messages = messages_of(truth, np.arange(2), every_s=3.0, cycles=2 * CYCLES)
+    off = np.where((messages.origin == 0) & (messages.time_s > 24.0), 5.0 * (messages.time_s - 24.0), 0.0)
+    return (
+        truth,
+        plots,
+        replace(messages, mmsi=MMSI + messages.origin, position_m=messages.position_m + off[:, None] * [1.0, 0.0]),
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_ais_that_drifts_away_is_left_and_the_track_goes_on_by_its_plots(method, drifting):
+    truth, plots, messages = drifting
+    memory, out = run(TableTracker(method=method), plots, messages, cycles=range(2 * CYCLES))
+    before, after = (out[at].take(out[at].origin == 0) for at in (6, -1))
+    assert (before.held_mmsi.tolist(), after.held_mmsi.tolist()) == ([MMSI], [-1])
+    assert before.track_id.tolist() == after.track_id.tolist()
+    assert out[-1].held_mmsi[out[-1].origin == 1].tolist() == [MMSI + 1]
+    assert max(errors_m(tracks, truth).max() for tracks in out[6:]) < 3.0 * PLOT_SIGMA_M  # the AIS is 600 m off at the end
+    assert load(save(memory)).plots_alone.left_mmsi.tolist() == memory.plots_alone.left_mmsi.tolist()
+
+
+@pytest.mark.parametrize("method", METHODS[1:])
+def test_messages_that_are_always_trusted_draw_the_track_away(method, drifting):
+    """As the papers have it, so the test above can fail."""
+    truth, plots, messages = drifting
+    tracker = TableTracker(method=method, messages={"trust": "always"})
+    _, out = run(tracker, plots, messages, cycles=range(2 * CYCLES))
+    assert max(errors_m(tracks.take(tracks.held_mmsi == MMSI), truth).max(initial=0.0) for tracks in out) > 500.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_vessel_that_no_radar_sees_is_not_reported(method):
+    truth = world(1, 33, kick_m_s=0.0, side_nm=1.0)
+    messages = messages_of(truth, np.arange(1), every_s=3.0)
+    _, out = run(TableTracker(method=method), Plots.empty(), messages)
+    assert [len(tracks) for tracks in out] == [0] * CYCLES
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_track_goes_on_under_its_number_when_radars_see_its_vessel_again(method):
+    """Vessel 0 is in radar shadow for 45 s and sends each 3 s: its AIS track stands for it meanwhile."""
+    truth = world(2, 35, kick_m_s=0.0, side_nm=1.0)
+    plots = plots_of(truth, two_radars(), PERIOD_S * 2 * CYCLES, 35)
+    hidden = (plots.origin == 0) & (plots.time_s > 24.0) & (plots.time_s < 69.0)
+    messages = messages_of(truth, np.arange(2), every_s=3.0, cycles=2 * CYCLES)
+    _, out = run(TableTracker(method=method), plots.take(~hidden), messages, cycles=range(2 * CYCLES))
+    of = [tracks.track_id[tracks.origin == 0].tolist() for tracks in out]
+    assert [] in of[18:23]
+    assert of[7] == of[-1]
+
+
+def test_what_tracks_do_without_messages_is_theirs_alone():
+    """A tracker of plots alone keeps no second filter, and particles take every message."""
+    for method, kept in (("vimmjipda", 0), ("bp_particles", 0), ("multi_hypothesis", 3)):
+        tracker = TableTracker(method=method)
+        memory, _ = run(tracker, plots_of(world(2, 31), two_radars(), 9.0, 31), messages_of(world(2, 31), [0]), cycles=range(3))
+        assert memory.plots_alone.models == kept
+        assert tracker.tests_messages == (kept > 0)
