@@ -260,6 +260,11 @@ class Fault:
     example: str  # the record, cut to 80 characters
     used: bool = False  # the records are used all the same: this is a note about them
 
+    @property
+    def first(self) -> str:
+        """Where the first one stood, and the record if there is one."""
+        return f"{self.where}: {self.example}" if self.example else self.where
+
 
 @dataclass(frozen=True)
 class FileContent:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 from socket import create_connection
 from typing import Any
@@ -13,10 +14,12 @@ import httpx2 as httpx
 import numpy as np
 import polars
 import pytest
+import store_world
 from page import DELTA, FULL, Page
 from server_world import Served, listening
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from coastwatch.batches import DecidedPath
 from coastwatch.operators import presentation
 from coastwatch.operators.api.application import WEB
 from coastwatch.operators.selection import selected
@@ -246,6 +249,26 @@ def test_details_have_a_tag_and_one_vessel_says_why(served: Served) -> None:
     assert one["decided"] == []
     assert served.get("/api/v1/vessels/2/decided?limit=5").json() == {"vessel_id": 2, "total": 0, "decided": []}
     assert served.get("/api/v1/vessels/77777/decided").status_code == 404
+
+
+def test_pages_of_a_past_end_between_two_instants(changing: Served) -> None:
+    """Three states of one instant are one page, whatever the limit, and each state is on one page."""
+    of = np.array([0, 1, 1, 1, 2])  # cycle of each state of vessel 2
+    place, still, spread = np.tile([-22.9, -43.1], (5, 1)), np.zeros((5, 2)), np.tile(np.eye(4), (5, 1, 1))
+    decided = DecidedPath(np.full(5, 1002), store_world.instant_s(of), place, still, spread, np.array([-1, -1, 0, 1, -1]))
+    cycle = replace(store_world.cycle_of(3, 30), decided=decided)
+    store_world.write(changing.store, 1, 3, cycle=cycle)
+    for limit, sizes in ((1, [1, 3, 1]), (2, [4, 1]), (3, [4, 1]), (4, [4, 1]), (5, [5])):
+        path, found, got = f"/api/v1/vessels/2/decided?limit={limit}", [], []
+        while path:
+            answer = changing.get(path)
+            page = answer.json()["decided"]
+            found, got = [*page, *found], [*got, len(page)]
+            path = answer.links["next"]["url"] if answer.links else ""
+            assert len(got) <= 5
+        assert (got, answer.headers["x-total-count"]) == (sizes, str(sizes[-1]))
+        assert [row["time_utc"] for row in found] == sorted(row["time_utc"] for row in found)
+        assert len(found) == 5
 
 
 def test_the_status_says_whether_the_scenario_has_a_coastline(

@@ -118,6 +118,14 @@ def test_radar_ais_and_bearings_become_two_ships(files: Path, capsys: pytest.Cap
         (["--ais", "empty.nmea"], "empty.nmea: got an empty file"),
         (["--ais", "random.log"], "random.log: got bytes that are not text"),
         (["--ais", "wide.nmea"], "wide.nmea: got NMEA 0183 in UTF-16, needed ASCII or UTF-8: save it again as UTF-8"),
+        (
+            ["--ais", "marked.csv"],
+            "marked.csv: got bytes that begin as UTF-16 and are no text, needed a table in CSV or Parquet",
+        ),
+        (
+            ["--ais", "long.csv"],
+            f"long.csv: got columns {60 * 'x'}, {', '.join(f'c{k}' for k in range(39))} and 461 more, needed",
+        ),
         (["--ais", "."], "got a folder, needed a file"),
         (["--ais", "random.parquet"], "random.parquet: got bytes that are not Parquet"),
         (["--ais", "random.gz"], "random.gz: got gzip that cannot be decompressed"),
@@ -164,6 +172,8 @@ def test_what_is_wrong_is_named(
     contents["targets.nmea"] = 3 * b"$RATTM,11,11.4,13.6,T,7.0,20.0,T,0.0,0.0,N,TGT1,T,,100021.00,A*46\n"
     contents |= {"packed.xz": b"\xfd7zXZ\x00" + noise, "packed.zst": b"\x28\xb5\x2f\xfd" + noise}
     contents["wide.nmea"] = SENTENCE.encode("utf-16")
+    contents["marked.csv"] = b"\xff\xfe" + 100 * noise
+    contents["long.csv"] = f"{10**5 * 'x'},{','.join(f'c{k}' for k in range(500))}\n".encode()
     contents["tracks.csv"] = b"time,track_id,lat,lon,sog,cog\n"
     contents["dist.csv"] = b"time,radar,dist,azimuth\n1700000000,hill,1000,10\n"
     contents["bare.csv"] = b"time,mmsi,track,latitude,longitude,range,azimuth,bearing,sog,cog\n"
@@ -179,6 +189,7 @@ def test_what_is_wrong_is_named(
     err = capsys.readouterr().err
     assert wanted in err
     assert err.count("\n") == 1
+    assert len(err) < 1500
 
 
 def test_sentences_are_told_from_tables(tmp_path: Path) -> None:

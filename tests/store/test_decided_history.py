@@ -10,7 +10,7 @@ import store_world as world
 from sqlalchemy import text
 
 from coastwatch import store as kept
-from coastwatch.batches import DecidedPath
+from coastwatch.batches import DecidedPath, Members
 from coastwatch.errors import StoreError
 from coastwatch.operators import presentation
 from coastwatch.operators.cli import main
@@ -64,6 +64,35 @@ def test_the_decided_path_stands_beside_the_history(url: str) -> None:
         assert len(kept.decided_path(store, run, 4).rows) == 2 * len([k for k in there if k <= 3]) + 2 * len(
             [k for k in left if k < 3]
         )
+
+
+def test_a_state_goes_to_the_vessel_that_had_its_track_at_the_time_of_the_state(url: str) -> None:
+    """Track 1004 is of vessel 4 up to cycle 3, then of vessel 6, and leaves the picture after cycle 6. One of 1006 is older than it."""
+    decided_at = {4: [(1004, 1), (1004, 4)], 5: [(1004, 3), (1006, 0)], 11: [(1004, 5), (1004, 6), (1004, 9)]}  # (track, cycle)
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        for number in range(CYCLES):
+            track, of = np.array(decided_at.get(number, [(999_999, 0)])).T
+            place, still = np.column_stack([-22.9 + 1e-3 * of, of * 0.0 - 43.1]), np.zeros((len(of), 2))
+            ends_s = world.instant_s(of) - 0.5
+            decided = DecidedPath(track, ends_s, place, still, np.tile(np.eye(4), (len(of), 1, 1)), np.ones(len(of), np.int64))
+            cycle = world.cycle_of(number, 30)
+            m = cycle.members
+            vessel = np.where((m.track_id == 1004) & (number > 3), 6, m.vessel_id)
+            rows = np.flatnonzero((m.track_id != 1004) | (number <= 6))
+            rows = rows[(m.track_id[rows] != 1006) | (number >= 2)]
+            rows = rows[np.lexsort((m.track_id[rows], m.source[rows], vessel[rows]))]
+            members = Members(vessel[rows], m.track_id[rows], m.source[rows])
+            world.write(store, run, number, cycle=replace(cycle, members=members, decided=decided))
+        found = {
+            vessel: [
+                (track, round((s - world.START_S + 0.5) / world.PERIOD_S) - 1)
+                for track, s in zip(rows.column("track_id"), rows.column("time_s"), strict=True)
+            ]
+            for vessel in SHIPS
+            for rows in [kept.decided_path(store, run, vessel)]
+        }
+    assert found == {4: [(1004, 1), (1004, 3)], 6: [(1006, 0), (1004, 4), (1004, 5), (1004, 6), (1004, 9)]}
 
 
 def test_old_states_go_with_the_history(url: str) -> None:

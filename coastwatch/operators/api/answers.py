@@ -291,16 +291,20 @@ def _between(
 ) -> Response:
     """The newest rows of a vessel between two instants. The next page ends with the newest one before them.
 
+    A page ends between two instants: rows of one instant are together, also where they are more than the limit.
     Args: of: the name of the rows, and the id of the vessel.
     """
     from_s, to_s = span_s
     times = rows.column("time_utc")
     when = np.array([utc(text) for text in times])
     kept = np.flatnonzero((when >= (from_s or -np.inf)) & (when <= (to_s or np.inf)))
-    shown = Rows(rows.columns, [rows.rows[k] for k in kept[max(len(kept) - limit, 0) :]])
+    first = max(len(kept) - limit, 0)
+    while 0 < first < len(kept) and times[kept[first - 1]] == times[kept[first]]:
+        first -= 1
+    shown = Rows(rows.columns, [rows.rows[k] for k in kept[first:]])
     headers = _counted(len(kept))
-    if 0 < limit < len(kept):
-        headers["Link"] = _next(request, to=times[kept[-limit - 1]])
+    if limit > 0 and first > 0:
+        headers["Link"] = _next(request, to=times[kept[first - 1]])
     return answer(shown, form, of[0], {"vessel_id": of[1], "total": len(kept)}, headers)
 
 

@@ -84,7 +84,7 @@ def warnings_of_files(scenario: Scenario, contents: Sequence[FileContent], fault
         *_without_overlap(read),
         *_elsewhere(scenario, contents),
         *(
-            f"{fault.count:,} rows are left out: {fault.kind} (first at {fault.where}: {fault.example})"
+            f"{fault.count:,} rows are left out: {fault.kind} (first at {fault.first})"
             for fault in faults
             if fault.kind in UNKNOWN_SENSORS and any(fault.where.startswith(file.name) for file in read)
         ),
@@ -123,7 +123,7 @@ def _nothing_taken(result: RunResult) -> Iterator[str]:
     for file in result.contents:
         if not file.records:
             faults = [f for f in result.faults if f.where.startswith(file.name)]
-            refusals = ", ".join(f"{f.count:,} {f.kind} (first at {f.where}: {f.example})" for f in faults) or "it has none"
+            refusals = ", ".join(f"{f.count:,} {f.kind} (first at {f.first})" for f in faults) or "it has none"
             yield f"{file.name}: no record was taken: {refusals}"
 
 

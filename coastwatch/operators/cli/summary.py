@@ -77,7 +77,7 @@ def as_text(scenario: Scenario, result: RunResult) -> str:
     ]
     if result.faults:
         lines.append("records refused, dropped or not used, and lost workers, by kind, with the first of each")
-    lines += [f"  {f.count:>8} x {f.kind}: {f.where}" + (f": {f.example}" if f.example else "") for f in result.faults]
+    lines += [f"  {f.count:>8} x {f.kind}: {f.first}" for f in result.faults]
     db = f"--db {result.database}"
     return "\n".join(
         [

@@ -194,7 +194,7 @@ def _told(text: str, radars: dict[tuple[int, int], _Radar], texts: dict[tuple[in
         yield f"SAC {key[0]}, SIC {key[1]}: no video, text {texts[key]}"
     for fault in tally.faults():
         kind = fault.kind.removeprefix(SET_ASIDE)
-        yield f"left out: {fault.count} {kind} (first at {fault.where}{': ' + fault.example if fault.example else ''})"
+        yield f"left out: {fault.count} {kind} (first at {fault.first})"
 
 
 def _settings(text: str, radars: dict[tuple[int, int], _Radar]) -> Iterator[str]:

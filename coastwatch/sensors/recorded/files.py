@@ -32,6 +32,8 @@ OTHER_FORMATS = {
 MARKUP = {b"{": "JSON", b"[": "JSON", b"<": "HTML or XML"}
 UTF_16_MARKS = b"\xff\xfe", b"\xfe\xff"
 NEVER_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
+UNDECODABLE = "\ufffd".encode()
+UNDECODABLE_SHARE = 0.005  # of the characters; random bytes have 3 % in UTF-16
 BINARY_SHARE = 0.02  # random bytes have 11 %; one bad cell does not make a table binary
 
 
@@ -125,6 +127,8 @@ def check_table(path: Path) -> None:
         got = "an empty file"
     elif (markup := MARKUP.get(begin[:1])) and not SENTENCE.search(begin.split(b"\n", 1)[0]):
         got = markup
+    elif content.count(UNDECODABLE) > UNDECODABLE_SHARE * len(content.decode(errors="replace")):
+        got = "bytes that begin as UTF-16 and are no text"
     else:
         got = "bytes that are not text" if len(NEVER_TEXT.findall(content)) > BINARY_SHARE * len(content) else ""
     if got:

@@ -365,24 +365,26 @@ def decided_path(store: Store, run_id: int, vessel_id: int, newest: int | None =
 
 
 def _decided(connection: Connection, run_id: int, vessel_id: int, newest: int | None) -> Rows:
-    """The corrected past of a vessel, by time, by seeking the key (run, cycle, vessel) in each cycle of its stays.
+    """The corrected past of a vessel, by time, by seeking the key (run, cycle, vessel) in each cycle since it was first there.
 
-    And in the next one: there the last states of a track that has ended are decided.
+    The last states of a track are decided when it ends, which may be long after its vessel has left the picture.
     """
     d, same = DECIDED_PATH.c, and_(SENSOR.c.run_id == DECIDED_PATH.c.run_id, SENSOR.c.kind == "radar")
     columns = [d.time_s, d.latitude_deg, d.longitude_deg, d.sog_kn, d.cog_deg, d.major_m, d.minor_m, d.orientation_deg]
     query = select(*columns, d.track_id, SENSOR.c.name.label("radar"), d.cycle.label("decided_cycle"))
     query = query.select_from(DECIDED_PATH.outerjoin(SENSOR, and_(same, SENSOR.c.number == d.radar)))
-    query = query.where(d.run_id == run_id, d.cycle.in_(_cycles_with(run_id, vessel_id, after=1)), d.vessel_id == vessel_id)
+    first = select(func.min(PRESENCE.c.from_cycle)).where(PRESENCE.c.run_id == run_id, PRESENCE.c.vessel_id == vessel_id)
+    since = select(CYCLE.c.number).where(CYCLE.c.run_id == run_id, CYCLE.c.number >= first.scalar_subquery())
+    query = query.where(d.run_id == run_id, d.cycle.in_(since), d.vessel_id == vessel_id)
     rows = fetch_rows(connection, query.order_by(d.cycle.desc(), d.number.desc()).limit(newest))
     track = rows.columns.index("track_id")
     return Rows(rows.columns, sorted(rows.rows, key=lambda row: (row[0], row[track])))
 
 
-def _cycles_with(run_id: int, vessel_id: int, after: int = 0) -> Select[tuple[int]]:
-    """The numbers of the cycles that the stays of a vessel have in them. Args: after: cycles after each stay, too."""
+def _cycles_with(run_id: int, vessel_id: int) -> Select[tuple[int]]:
+    """The numbers of the cycles that the stays of a vessel have in them."""
     stay = and_(PRESENCE.c.run_id == CYCLE.c.run_id, PRESENCE.c.vessel_id == vessel_id, PRESENCE.c.from_cycle <= CYCLE.c.number)
-    lasts = or_(PRESENCE.c.to_cycle.is_(None), PRESENCE.c.to_cycle >= CYCLE.c.number - after)
+    lasts = or_(PRESENCE.c.to_cycle.is_(None), PRESENCE.c.to_cycle >= CYCLE.c.number)
     return select(CYCLE.c.number).join(PRESENCE, and_(stay, lasts)).where(CYCLE.c.run_id == run_id)
 
 

@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coastwatch.batches import (
-    ID_STRIDE,
     AisAlarms,
     AisStatics,
     Array,
     Bools,
-    DecidedPath,
     Floats,
     Ints,
     Members,
@@ -320,22 +318,6 @@ def _sorted(rows: Ints) -> Ints:
     k = np.arange(len(at))
     in_order = (rows[1:][k, at] >= rows[:-1][k, at]).all()
     return rows if in_order else rows[np.lexsort(rows.T[::-1])]
-
-
-def decided_rows(run_id: int, number: int, decided: DecidedPath, members: Ints, before: Ints) -> list[Column]:
-    """Columns of table `decided_path`, in key order: the states of tracks that are in the picture, or left it in this cycle.
-
-    Args: members: (L, 3); before: (K, 3) those of the cycle before.
-    """
-    source = decided.track_id // ID_STRIDE
-    vessel = _vessel_of(members, source, decided.track_id)
-    left = np.flatnonzero(vessel < 0)
-    vessel[left] = _vessel_of(before, source[left], decided.track_id[left])
-    rows = np.flatnonzero(vessel >= 0)
-    rows = rows[np.lexsort((decided.time_s[rows], vessel[rows]))]
-    decided, count = decided.take(rows), np.arange(len(rows))
-    where = *decided.position_deg.T, *motion(decided.velocity_m_s, decided.covariance).T
-    return [run_id, number, vessel[rows], count, decided.time_s, *where, decided.track_id, NullableId(decided.radar)]
 
 
 def _vessel_of(members: Ints, source: Ints, track: Ints) -> Ints:

@@ -26,7 +26,6 @@ from coastwatch.store.schema.tables import (
     BEARING_TRACK,
     CHECKPOINT,
     CYCLE,
-    DECIDED_PATH,
     HISTORY,
     IDENTITY,
     MEMBER,
@@ -41,6 +40,7 @@ from coastwatch.store.schema.tables import (
     VESSEL,
 )
 from coastwatch.store.write import events, retention, to_rows
+from coastwatch.store.write.decided import write_decided
 from coastwatch.store.write.run_state import RunState, no_such_run, read_run_state, truncate_run
 from coastwatch.store.write.static_names import delete_names, write_names
 
@@ -179,8 +179,8 @@ def _write(
         sources = source_texts(picture.vessel_id, members, before.source_names)
         rows += _replace(connection, VESSEL, run_id, to_rows.vessel_rows(run_id, picture, sources, intervals))
         rows += _replace(connection, BEARING_TRACK, run_id, to_rows.bearing_track_rows(run_id, cycle))
-    rows += insert(connection, DECIDED_PATH, to_rows.decided_rows(run_id, number, cycle.decided, members, before.members))
     rows += _write_stays(connection, run_id, number, before, members, picture)
+    rows += write_decided(connection, run_id, number, cycle.decided, members, before.timeline)
     rows += events.write_events(connection, run_id, number, cycle.events, before.timeline)
     if number % keep.spots_every == 0:
         rows += insert(connection, SPOT, to_rows.spot_rows(run_id, number, cycle.spots))

@@ -28,6 +28,7 @@ HALF_A_LINE = "half a line"
 RAGGED = "line with too many cells"
 QUOTE = "quotation without end"
 CUT_FILE = "file cut short"
+LONGEST_NAME, MOST_NAMES = 60, 40  # of columns, in an error
 NO_ROW = "table without a row under its header"
 
 Separator = Annotated[str, Field(pattern=r"^(auto|.)$")]
@@ -93,13 +94,14 @@ class Table:
 
     def lacks(self, needed: str) -> InputError:
         """The error of a missing column: the columns that are there, or that values stand where a header should be."""
-        names = self.frame.columns
+        names = [name[:LONGEST_NAME] for name in self.frame.columns]
         if 2 * sum(VALUE.fullmatch(name.strip()) is not None for name in names) > len(names):
             first = self.separator.join(names[:3])
             return InputError(
                 f"{self.name}: got no header, its first line begins with {first!r}: needed a first line with the names of its columns"
             )
-        return InputError(f"{self.name}: got columns {', '.join(names)}, needed {needed}")
+        more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+        return InputError(f"{self.name}: got columns {', '.join(names[:MOST_NAMES])}{more}, needed {needed}")
 
     def numbers(self, column: str | None) -> tuple[Floats, Bools]:
         """The numbers of a column, NaN for an empty cell or a missing column, and which cells are no number."""
