@@ -108,9 +108,9 @@ def _settings() -> Iterator[str]:
     folders = [""]
     for table in tables:
         if table.model not in shared and OF_A_PAPER not in table.meaning:
-            yield from _table(
-                table, f"{_header(table)}{' (default)' if table.method and table.chosen else ''}", shared, folders
-            )
+            heading = f"{_header(table)}{' (default)' if table.method and table.chosen else ''}"
+            of = [other for other in tables if other.header == table.header and other.model in table.model.__mro__[1:]]
+            yield from _table(table, heading, shared, folders, extended=of[0] if of else None)
     yield "## Settings that several tables share\n\nA table above names one of these, where it has a table of that kind.\n"
     for model, where in shared.items():
         table = next(table for table in tables if table.model is model)
@@ -133,15 +133,27 @@ def _header(table: settings.Table) -> str:
 
 
 def _table(
-    table: settings.Table, heading: str, shared: Mapping[type, object], folders: list[str], places: str = ""
+    table: settings.Table,
+    heading: str,
+    shared: Mapping[type, object],
+    folders: list[str],
+    places: str = "",
+    extended: settings.Table | None = None,
 ) -> Iterator[str]:
-    """One table. Args: shared: models that have a section of their own; folders: those whose README has been linked, one more is added."""
+    """One table.
+
+    Args: shared: models that have a section of their own; folders: those whose README has been linked, one more is added; extended: of
+    the method whose settings it has, too.
+    """
     folder = "/".join(table.model.__module__.split(".")[1:-1])
     more = "" if folder in folders else f" More: [{folder}](../{folder}/README.md)."
     folders.append(folder)
     meaning = re.sub(rf"\s*{OF_A_PAPER}", "", table.meaning)
-    yield f"### {heading}\n\n{_prose(meaning + places + more)}\n"
-    rows: list[tuple[object, ...]] = [(f"`{s.key}`", s.kind, s.unit, f"`{s.default}`", s.meaning) for s in table.settings]
+    same = set(extended.settings) if extended else set()
+    too = f' Settings as of `method = "{extended.method}"`, and:' if extended else ""
+    yield f"### {heading}\n\n{_prose(meaning + places + more + too)}\n"
+    own = [s for s in table.settings if s not in same]
+    rows: list[tuple[object, ...]] = [(f"`{s.key}`", s.kind, s.unit, f"`{s.default}`", s.meaning) for s in own]
     for key, models in table.below:
         named = [f"[{m.__name__}](#{m.__name__.lower()})" for m in models if m in shared]
         rows += [(f"`{key}`", "table", "", "", " or ".join(named))] if named else []

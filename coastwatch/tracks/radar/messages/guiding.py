@@ -11,14 +11,12 @@ from coastwatch.tracks.radar.messages.sequential import Sequential
 class Guiding(Sequential):
     """Each AIS message at its own time, as by `sequential`, for the association of plots alone.
 
-    A second filter has the plots only, with the probabilities of this association. It is what a track reports, so that its errors stay
-    independent of AIS, and an AIS that states a wrong position cannot draw it away. A track whose two filters contradict each other goes
-    on by plots alone, and for a while no track takes messages of that MMSI. A vessel that no radar has seen for `coast_s` is not reported.
+    The filter of plots alone, with the probabilities of this association, is what a track reports: its errors stay independent of AIS.
     """
 
     guides: ClassVar[bool] = True
     method: Literal["guiding"] = "guiding"  # type: ignore[assignment]
-    trust: Literal["tested"] = "tested"
+    trust: Literal["tested"] = "tested"  # nothing else: a filter of plots alone is what it reports
     registration: NotNegative = 0.0
     """Share of a plot's covariance by which a radar may see a vessel beside its AIS. 0: radars have no bias; 1: one whose bias is not known
     yet makes fewer second tracks of vessels, and leaves an AIS that states a wrong position later."""

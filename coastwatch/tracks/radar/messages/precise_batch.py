@@ -31,7 +31,10 @@ from coastwatch.tracks.radar.table import RadarMemory
 
 
 class PreciseBatch(MessageSettings):
-    """The AIS messages of one id since the last plots as one measurement: method B of Hem and Brekke."""
+    """The AIS messages of one id since the last plots as one measurement: method B of Hem and Brekke.
+
+    Of a paper, for comparison.
+    """
 
     method: Literal["precise_batch"] = "precise_batch"
 
