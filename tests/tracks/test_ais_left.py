@@ -71,6 +71,22 @@ def test_a_vessel_that_no_radar_sees_is_not_reported(method):
 
 
 @pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("first", [False, True])
+def test_one_plot_does_not_show_a_vessel_that_messages_keep_and_three_do(method, first):
+    """One false plot will once be near an AIS that states a wrong position. Args: first: it comes before the messages."""
+    truth = world(1, 33, kick_m_s=0.0, side_nm=1.0)
+    messages = messages_of(truth, np.arange(1), every_s=3.0)
+    plots = plots_of(truth, two_radars(), PERIOD_S * CYCLES, 33)
+    one = np.flatnonzero(plots.time_s > 31.0)[:1]
+    if first:
+        messages = messages.take(messages.time_s > plots.time_s[one])
+    _, out = run(TableTracker(method=method), plots.take(one), messages)
+    assert [len(tracks) for tracks in out] == [0] * CYCLES
+    _, out = run(TableTracker(method=method), plots.take(one + np.arange(3)), messages)
+    assert 1 in [len(tracks) for tracks in out]
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_a_track_goes_on_under_its_number_when_radars_see_its_vessel_again(method):
     """Vessel 0 is in radar shadow for 45 s and sends each 3 s: its AIS track stands for it meanwhile."""
     truth = world(2, 35, kick_m_s=0.0, side_nm=1.0)

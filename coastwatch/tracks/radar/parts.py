@@ -156,7 +156,7 @@ def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: Plot
     alone = memory.plots_alone.with_slots(len(table.track_id))
     if alone.models:
         alone.updated_s[slots], alone.left_mmsi[slots], alone.left_s[slots] = -np.inf, -1, -np.inf
-        alone.doubted_s[slots] = np.nan
+        alone.doubted_s[slots], alone.plots_s[slots] = np.nan, -np.inf
     return replace(memory, table=table, next_id=memory.next_id + len(plots), plots_alone=alone)
 
 

@@ -26,6 +26,9 @@ class PlotFilters(Batch):
     left_mmsi: Ints = column(np.int64, "S")  # whose messages the track has left, -1: nobody's
     left_s: Floats = column(np.float64, "S")  # when, -inf: never
     doubted_s: Floats = optional_column("S")  # since then its plots contradict its messages, NaN: they do not
+    plots_s: Floats = optional_column(
+        "S", 2
+    )  # the newest plot of a track with messages, and the one before; -inf: none, NaN: not known
 
     @property
     def models(self) -> int:
@@ -56,5 +59,5 @@ class PlotFilters(Batch):
             for name, one in ((n, getattr(self, n)) for n in self.__dataclass_fields__)
         }
         rows["updated_s"][-more:], rows["left_mmsi"][-more:] = -np.inf, -1
-        rows["left_s"][-more:], rows["doubted_s"][-more:] = -np.inf, np.nan
+        rows["left_s"][-more:], rows["doubted_s"][-more:], rows["plots_s"][-more:] = -np.inf, np.nan, np.nan
         return PlotFilters(**rows)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Floats, Ints
+from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.kalman import MANOEUVRE
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
@@ -43,6 +43,8 @@ def begin_at_tracks(alone: PlotFilters, table: Table, parts: Parts, slots: Ints)
     of_plots = slots[np.isfinite(table.radar_s[slots]).any(axis=1)]
     begin_at(alone.filters, alone.estimates, of_plots, parts.bank, table.estimates, of_plots)
     alone.updated_s[of_plots] = table.updated_s[of_plots]
+    newest_s = table.radar_s[of_plots].max(axis=1)
+    alone.plots_s[of_plots] = np.column_stack([newest_s, np.where(table.hits[of_plots] > 1, newest_s, -np.inf)])
 
 
 def begin_at(filters: Filters, estimates: Estimates, slots: Ints, of: FilterBank, other: Estimates, rows: Ints) -> None:
@@ -70,6 +72,25 @@ def update(
         parts.joint.update_by_shares(shadow, predicted, share[rows], batch, parts.existence.least_model_probability)
     first = likely[~alone.has_filter(of[likely]) & np.isfinite(table.message_s[of[likely]])]
     parts.bank.begin(as_table(alone, table), of[first], plot[first], batch)
+    slots, time_s = of[likely], batch.time[plot[likely]]
+    later = time_s > alone.plots_s[slots, 0]
+    alone.plots_s[slots[later], 1] = alone.plots_s[slots[later], 0]
+    alone.plots_s[slots[later], 0] = time_s[later]
+
+
+def seen(alone: PlotFilters, table: Table, parts: Parts, slots: Ints, time_s: float) -> Bools:
+    """Which of these tracks radars see: one plot in `coast_s`, and of tracks with messages two in as many looks as end a track. (N,)
+
+    Where messages alone begin or keep a track, a false plot will once be in its gate.
+    """
+    upkeep, radars = parts.existence, parts.sensors.radars
+    if not len(radars):
+        return np.zeros(len(slots), np.bool_)
+    newest_s = table.radar_s[slots].max(axis=1)
+    looks_s = upkeep.delete_misses * radars.period_s[table.radar_s[slots].argmax(axis=1)]
+    once = time_s - alone.plots_s[slots, 1] > np.maximum(upkeep.coast_s, looks_s)  # not where it is not known
+    out: Bools = (time_s - newest_s <= upkeep.coast_s) & ~(np.isfinite(table.message_s[slots]) & once)
+    return out
 
 
 def contradicted(

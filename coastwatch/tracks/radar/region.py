@@ -26,6 +26,7 @@ from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
 from coastwatch.stage import Method
+from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.association import AnyAssociation, MultiHypothesis
 from coastwatch.tracks.radar.clutter import standing_echoes
 from coastwatch.tracks.radar.extent import (
@@ -293,7 +294,7 @@ def _shown_tracks(
     table, time_s, sensors = memory.table, given.time_s, given.sensors
     rows = parts.upkeep.shown(table, time_s)
     if seen:
-        rows = rows[time_s - table.radar_s[rows].max(axis=1, initial=-np.inf) <= parts.upkeep.coast_s]
+        rows = rows[plots_alone.seen(memory.plots_alone, table, parts, rows, time_s)]
     alternative_m = np.zeros(0)  # not given: each is sure
     if of_plots:
         now = _by_plots(parts, memory, rows, time_s)

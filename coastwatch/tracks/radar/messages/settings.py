@@ -26,8 +26,8 @@ class MessageSettings(Settings):
     begin_existence: Probability = 0.05  # a message begins a track that exists with this probability or more
     velocities: bool = True  # speed and course of messages are used; false: positions alone, as in the paper
     trust: Literal["tested", "always"] = "tested"
-    """tested: tracks leave messages that contradict their plots, and one that no radar has seen for `upkeep.coast_s` is not reported: its
-    AIS track is. always: as in the papers."""
+    """tested: tracks leave messages that contradict their plots, and one that radars do not see is not reported: its AIS track is.
+    always: as in the papers."""
     doubt: Positive = 25.0  # normalised squared distance of the two filters at which a track leaves its messages
     elsewhere_s: Positive = 10.0  # a track also leaves them where another track has had newer ones of that MMSI for so long
     distrust_s: Positive = 120.0  # so long no track takes messages of an MMSI that a track has left
