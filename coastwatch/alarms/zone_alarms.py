@@ -6,8 +6,9 @@ lie across the antimeridian.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Annotated, Any, Literal
@@ -216,6 +217,12 @@ class Shape:
         fast = np.inf if high is None else (high + margin_kn) * KNOT_M_S
         return np.asarray((speed_m_s < slow) | (speed_m_s > fast))
 
+    @cached_property
+    def outline(self) -> int:
+        """A number that another outline does not have."""
+        drawn = self.zone.model_dump_json(include={"kind", "points_deg", "centre_deg", "radius_nm"})
+        return int.from_bytes(hashlib.sha256(drawn.encode()).digest()[:8], "little", signed=True)
+
     @property
     def is_area(self) -> bool:
         return self.zone.kind != "line"
@@ -281,10 +288,16 @@ class ZoneMemory:
     moments: Moments
     zones: Ints  # numbers of the zones, ascending
     began_s: float = np.nan  # first cycle of the run
+    outlines: Ints = field(default_factory=lambda: np.zeros(0, np.int64))  # of each zone; empty: not known
 
     @classmethod
     def none(cls) -> ZoneMemory:
         return cls(Lasting.empty(), Lasting.empty(), Moments.empty(), np.zeros(0, np.int64))
+
+    def changed(self, zones: Sequence[Shape]) -> Ints:
+        """The numbers of the zones that have another outline than in the last cycle."""
+        before = dict(zip(self.zones.tolist(), self.outlines.tolist(), strict=False))
+        return np.array([z.number for z in zones if before.get(z.number, z.outline) != z.outline], np.int64)
 
 
 def zone_alarms(
@@ -296,8 +309,12 @@ def zone_alarms(
     if not zones and not len(memory.zones):
         return memory, []
     positions = ByLatitude(seen.picture.position_deg)
-    now, speeds = _inside(settings, memory, seen, positions, [shape for shape in zones if shape.is_area], time_s)
-    inside, left = extend(memory.inside, now, seen.frozen, settings.open_s, settings.close_s, time_s)
+    changed = memory.changed(zones)
+    areas = [shape for shape in zones if shape.is_area]
+    now, speeds = _inside(settings, memory, np.setdiff1d(memory.zones, changed), seen, positions, areas, time_s)
+    inside, left = extend(
+        _of_outlines(memory.inside, now, changed), now, seen.frozen, settings.open_s, settings.close_s, time_s
+    )
     speeding, _ = extend(memory.speeding, speeds, seen.frozen, settings.open_s, settings.close_s, time_s)
     by_number = {shape.number: shape for shape in zones}
     of_zone = np.array([number in by_number for number in inside.subject.tolist()], np.bool_)
@@ -316,7 +333,18 @@ def zone_alarms(
     for kind in (AlarmKind.ZONE_LEAVE, AlarmKind.LINE_CROSSED):
         rows = moments.key % KEYS == kind
         raised.append(Raised.of(kind, moments.key[rows] // KEYS, moments.subject[rows], to_right=moments.to_right[rows]))
-    return ZoneMemory(inside, speeding, moments, np.array(sorted(by_number), np.int64), memory.began_s), raised
+    numbers = np.array(sorted(by_number), np.int64)
+    outlines = np.array([by_number[number].outline for number in numbers.tolist()], np.int64)
+    return ZoneMemory(inside, speeding, moments, numbers, memory.began_s, outlines), raised
+
+
+def _of_outlines(inside: Lasting, now: Holding, changed: Ints) -> Lasting:
+    """The stays without those in zones that were drawn anew, of vessels outside the new outline: they have not left.
+
+    Args: changed: numbers of these zones.
+    """
+    here = np.isin(inside.key, now.key[np.isin(now.subject, changed)])
+    return inside.take(~np.isin(inside.subject, changed) | here)
 
 
 def _has_entered(settings: AlarmSettings, stays: Lasting, seen: Seen) -> Bools:
@@ -336,12 +364,18 @@ def _of_zones(by_number: dict[int, Shape], number: Ints) -> tuple[Bools, Floats]
 
 
 def _inside(
-    settings: AlarmSettings, memory: ZoneMemory, seen: Seen, positions: ByLatitude, areas: Sequence[Shape], time_s: float
+    settings: AlarmSettings,
+    memory: ZoneMemory,
+    known: Ints,
+    seen: Seen,
+    positions: ByLatitude,
+    areas: Sequence[Shape],
+    time_s: float,
 ) -> tuple[Holding, Holding]:
     """Who is inside which area, and who has a wrong speed there, as conditions of this cycle.
 
     A vessel was outside before if it was watched before it came in, and the zone too. One that was not watched before counts too, but
-    for the start of the run, and but for one that was seen last in the zone.
+    for the start of the run, and but for one that was seen last in the zone. Args: known: numbers of zones with the outline of before.
     """
     vessel_id, came_s = seen.picture.vessel_id, seen.watched.came_s[seen.rows]
     speed_m_s = seen.watched.speed_m_s[seen.rows]
@@ -350,7 +384,7 @@ def _inside(
         rows = positions.near(shape)
         within, near = shape.contains(positions.position_deg[rows])
         rows, within = rows[near], within[near]
-        mark = np.full(len(rows), np.isin(shape.number, memory.zones).item())
+        mark = np.full(len(rows), np.isin(shape.number, known).item())
         first = np.flatnonzero(came_s[rows] == time_s)
         was_inside, _ = shape.contains(seen.before_deg[rows[first]])
         mark[first] &= ~was_inside & (time_s - memory.began_s >= settings.start_up_s)

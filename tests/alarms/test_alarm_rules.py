@@ -176,6 +176,32 @@ def test_a_vessel_first_seen_inside_has_entered_but_not_at_the_start_nor_where_a
     assert set(spans(found, AlarmKind.ZONE_ENTER)) == {(4, 1)}  # the zone is new in cycle 65: vessels 1 and 2 were there
 
 
+def test_a_zone_that_is_drawn_elsewhere_is_entered_and_left_by_none_of_those_who_stay_where_they_are() -> None:
+    """Vessels at rest: 1 in the old outline, 2 in the new one from cycle 50 to 99, 3 in both, 4 comes into the new one in cycle 70."""
+    centres = [tuple(offset_deg(SITE, np.array([east, 0.0]))) for east in (0.0, 2500.0)]
+    zones = [Zone(name="berth", kind="circle", centre_deg=at, radius_nm=1.0, enter=True, leave=True) for at in centres]
+
+    def scene(time_s: float) -> list[dict[str, Any]]:
+        at = {1: -1000.0, 2: 3500.0, 3: 1200.0, 4: 2500.0}
+        came = {4: 9000.0} if time_s < 70 * PERIOD_S else {}
+        return [{"id": k, "at": (came.get(k, east), 0.0)} for k, east in at.items()]
+
+    for renamed in (False, True):
+        other = zones[1] if not renamed else zones[0].model_copy(update={"name": "quay"})
+        memory, found = RULES.init(), []
+        for cycle in range(150):
+            time_s, now = PERIOD_S * cycle, numbered((other if 50 <= cycle < 100 else zones[0],))
+            memory, alarms = RULES.step(memory, AlarmInput(*picture_of(time_s, scene(time_s)), time_s, sensors(), now))
+            memory = load(save(memory)) if cycle % 10 == 0 else memory
+            found.append(alarms)
+        entered, left = spans(found, AlarmKind.ZONE_ENTER), spans(found, AlarmKind.ZONE_LEAVE)
+        assert set(entered) == (set() if renamed else {(4, 1)})
+        assert left == {}
+        stays = memory.zones.inside
+        assert stays.vessel_id[stays.open].tolist() == [1, 3]
+        assert stays.since_s[stays.vessel_id == 3].tolist() == [0.0]  # in both outlines
+
+
 def test_a_circle_is_as_large_as_it_says() -> None:
     shape = Shape(1, Zone(name="ring", kind="circle", centre_deg=(60.0, 179.9), radius_nm=30.0), 100.0)
     bearing = np.radians(np.arange(0.0, 360.0, 15.0))
