@@ -44,13 +44,38 @@ def drifting():
 @pytest.mark.parametrize("method", METHODS)
 def test_an_ais_that_drifts_away_is_left_and_the_track_goes_on_by_its_plots(method, drifting):
     truth, plots, messages = drifting
-    memory, out = run(TableTracker(method=method), plots, messages, cycles=range(2 * CYCLES))
+    memory, out = None, []
+    for cycle in range(2 * CYCLES):  # it goes on from a checkpoint of each
+        memory, tracks = run(TableTracker(method=method), plots, messages, memory, range(cycle, cycle + 1))
+        memory, out = load(save(memory)), [*out, *tracks]
     before, after = (out[at].take(out[at].origin == 0) for at in (6, -1))
     assert (before.held_mmsi.tolist(), after.held_mmsi.tolist()) == ([MMSI], [-1])
     assert before.track_id.tolist() == after.track_id.tolist()
     assert out[-1].held_mmsi[out[-1].origin == 1].tolist() == [MMSI + 1]
     assert max(errors_m(tracks, truth).max() for tracks in out[6:]) < 3.0 * PLOT_SIGMA_M  # the AIS is 600 m off at the end
-    assert load(save(memory)).plots_alone.left_mmsi.tolist() == memory.plots_alone.left_mmsi.tolist()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("shadow_s", [0.0, 80.0])
+def test_a_vessel_that_turns_keeps_its_messages_also_in_radar_shadow(method, shadow_s):
+    """Ten vessels turn by 90 degrees in a minute: a filter of plots alone lags behind, and in the shadow says where they were going."""
+    truth = world(10, 2, kick_m_s=0.0, side_nm=5.0, span_s=PERIOD_S * 80)
+    begin_s, angle = 70.0 + 4.0 * np.arange(10), np.radians(1.5 * 2.0 * np.arange(31))
+    direction = truth.velocity_m_s / np.hypot(*truth.velocity_m_s.T)[:, None]
+    across = direction @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    ways = 6.0 * (np.cos(angle)[:, None, None] * direction + np.sin(angle)[:, None, None] * across)
+    kick_s = begin_s[:, None] + 2.0 * np.arange(30)
+    turning = replace(truth, velocity_m_s=ways[0], kick_s=kick_s, kick_m_s=np.stack(np.diff(ways, axis=0), axis=1))
+    plots = plots_of(turning, two_radars(), PERIOD_S * 80, 2)
+    since_s = plots.time_s - begin_s[plots.origin] + 5.0
+    plots = plots.take((since_s < 0.0) | (since_s > shadow_s))
+    messages = messages_of(turning, np.arange(10), every_s=6.0, cycles=80)
+    messages = replace(messages, mmsi=MMSI + messages.origin)
+    memory, out = run(TableTracker(method=method), plots, messages, cycles=range(80))
+    assert (memory.plots_alone.left_mmsi[memory.table.live] < 0).all()
+    last = out[-1]
+    assert len(last) >= 6  # some have left the range of both radars
+    assert last.held_mmsi.tolist() == (MMSI + last.origin).tolist()
 
 
 @pytest.mark.parametrize("method", METHODS[1:])

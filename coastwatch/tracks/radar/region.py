@@ -56,6 +56,7 @@ from coastwatch.tracks.radar.report import Reported, report, report_decided, rep
 from coastwatch.tracks.radar.table import RadarMemory
 
 NOTHING_DECIDED = DecidedPath.empty()
+LOOKS = 3  # of the slowest radar, for which plots contradict messages until a track leaves them: filters lag behind a turn
 DAY_S = 86400.0  # older plots are from a clock that is not set
 HELD = 0.98  # an id of this probability is reported as that of the vessel; the first message gives `correct_id`, 0.99
 
@@ -258,14 +259,14 @@ def _without_contradicted(
 ) -> RadarMemory:
     """The memory after tracks have left messages that contradict their plots.
 
-    Where the last looks are not decided yet, plots must contradict messages for as long. Args: heard: messages of this cycle; ours: radars.
+    Args: heard: messages of this cycle; ours: radars.
     """
-    since_s = float(heard.time_s.min(initial=np.inf))
-    if not isinstance(association, MultiHypothesis):
-        leave(messages, parts, memory, since_s, time_s, 0.0)
-        return memory
-    undecided_s = association.window * float(parts.sensors.radars.period_s[ours].max(initial=0.0))
-    return association.begin_again(memory, leave(messages, parts, memory, since_s, time_s, undecided_s))
+    looks = LOOKS
+    if isinstance(association, MultiHypothesis):  # its last looks are not decided yet
+        looks = max(looks, association.window)
+    least_s = looks * float(parts.sensors.radars.period_s[ours].max(initial=0.0))
+    left = leave(messages, parts, memory, float(heard.time_s.min(initial=np.inf)), time_s, least_s)
+    return association.begin_again(memory, left) if isinstance(association, MultiHypothesis) else memory
 
 
 def _end_slice(

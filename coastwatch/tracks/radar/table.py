@@ -190,6 +190,8 @@ class RadarMemory(Struct):
         """Check the number of radars, and the leaves, as after reading a checkpoint. Raises: ValueError."""
         if self.table.radar_s.shape[1] != len(self.newest_plot_s):
             raise ValueError(f"Table.radar_s: got {self.table.radar_s.shape[1]} radars, needed {len(self.newest_plot_s)}")
+        if self.plots_alone.models and len(self.plots_alone) != len(self.table.track_id):
+            raise ValueError(f"PlotFilters: got {len(self.plots_alone)} slots, needed {len(self.table.track_id)}")
         self.forest.check_slots(self.table.mode_probability.shape, self.table.radar_s.shape[1])
 
     def fitting(self, models: int, count: int) -> RadarMemory:
@@ -221,8 +223,8 @@ class RadarMemory(Struct):
         return replace(self, forest=replace(self.forest, decided=Decided.empty(), unproven=Unproven()))
 
     def with_plots_alone(self, models: int) -> RadarMemory:
-        """This memory with filters of plots alone, if it has none: it is of a tracker without. Args: models: J of each."""
-        if self.plots_alone.models:
+        """This memory with filters of plots alone, if it has none of so many models: it is of another tracker. Args: models: J of each."""
+        if self.plots_alone.models == models:
             return self
         return replace(self, plots_alone=PlotFilters.empty(J=models).with_slots(len(self.table.track_id)))
 

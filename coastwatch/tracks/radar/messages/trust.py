@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from coastwatch.batches import Floats, Ints, Messages
+from coastwatch.batches import Bools, Floats, Ints, Messages
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.life.existence import KNOWN
 from coastwatch.tracks.radar.messages.settings import MessageSettings
 from coastwatch.tracks.radar.messages.weighing import begin_unnamed
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.table import RadarMemory
+
+CURRENT_TURNS = 4  # of the radar with the newest plot
 
 
 def trusted(rules: MessageSettings, memory: RadarMemory, messages: Messages, time_s: float) -> Messages:
@@ -34,18 +36,18 @@ def leave(rules: MessageSettings, parts: Parts, memory: RadarMemory, since_s: fl
     newest_s = np.full(len(ids), -np.inf)
     np.maximum.at(newest_s, of, table.message_s[slots])
     gone = np.isfinite(table.message_s[slots]) & (table.message_s[slots] < newest_s[of] - rules.elsewhere_s)
-    fresh = np.flatnonzero(table.message_s[slots] >= since_s)
+    fresh = np.flatnonzero((table.message_s[slots] >= since_s) & _is_current(parts, memory, slots, time_s))
     bias = parts.registration * _plot_covariance(parts, memory, slots[fresh])
     contradicted = np.zeros(len(fresh), np.bool_)
     contradicted[plots_alone.contradicted(alone, table, parts, slots[fresh], bias, time_s, rules.doubt)] = True
     since = alone.doubted_s[slots[fresh]]
-    alone.doubted_s[slots[fresh]] = since = np.where(contradicted, np.where(np.isnan(since), time_s, since), np.nan)
-    gone[fresh] |= time_s - since >= least_s
+    alone.doubted_s[slots[fresh]] = np.where(contradicted, np.where(np.isnan(since), time_s, since), np.nan)
+    gone |= time_s - alone.doubted_s[slots] >= least_s  # also where plots have left the gates of the track meanwhile
     gone = np.isin(mmsi, mmsi[gone])
     left = slots[gone]
     if not len(left):
         return left
-    alone.left_mmsi[left], alone.left_s[left] = mmsi[gone], time_s
+    alone.left_mmsi[left], alone.left_s[left], alone.doubted_s[left] = mmsi[gone], time_s, np.nan
     with_plots = left[alone.has_filter(left)]
     plots_alone.begin_at(table.filters, table.estimates, with_plots, parts.bank, alone.estimates, with_plots)
     table.updated_s[with_plots] = alone.updated_s[with_plots]
@@ -53,6 +55,16 @@ def leave(rules: MessageSettings, parts: Parts, memory: RadarMemory, since_s: fl
     table.ids[left], table.id_probability[left] = -1, 0.0
     begin_unnamed(rules, table, left)
     return left
+
+
+def _is_current(parts: Parts, memory: RadarMemory, slots: Ints, time_s: float) -> Bools:
+    """Which of these tracks have a plot of the last turns: without, a filter of plots alone says where the vessel was going. (N,)"""
+    table, radars = memory.table, parts.sensors.radars
+    if not len(radars):
+        return np.zeros(len(slots), np.bool_)
+    period_s = radars.period_s[table.radar_s[slots].argmax(axis=1)]
+    out: Bools = time_s - memory.plots_alone.updated_s[slots] <= CURRENT_TURNS * period_s
+    return out
 
 
 def _plot_covariance(parts: Parts, memory: RadarMemory, slots: Ints) -> Floats:

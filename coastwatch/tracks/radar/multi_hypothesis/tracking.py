@@ -26,6 +26,7 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     AGREED,
     OWNED,
     decide,
+    decide_open,
     forest_of,
     keep_heard,
     shares,
@@ -102,11 +103,13 @@ class MultiHypothesis(Settings):
         return memory
 
     def begin_again(self, memory: RadarMemory, slots: Ints) -> RadarMemory:
-        """The memory with one leaf for each of these tracks, which is their row of the table."""
-        forest = forest_of(memory, self.window)
-        return (
-            replace(memory, forest=with_roots(forest, memory.table, slots, np.full(len(slots), -1))) if len(slots) else memory
-        )
+        """The memory with one leaf for each of these tracks, which is their row of the table. What they had is decided as it is."""
+        if not len(slots):
+            return memory
+        forest, table = forest_of(memory, self.window), memory.table
+        forest = decide_open(forest, table, slots[table.status[slots] == Status.CONFIRMED])
+        forest = with_roots(forest, table, slots, np.full(len(slots), -1))
+        return replace(memory, forest=forest.compact(table.live))
 
     @property
     def _pruning(self) -> Pruning:
