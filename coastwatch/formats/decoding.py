@@ -264,7 +264,7 @@ class Stamps:
         time_s = np.where(stamped, stamp_s, np.where(none, math.nan, arrived_s))
         if self._checked:
             ahead = time_s > arrived_s + FAR_AHEAD_S
-            self._tally.add_rows(AHEAD, ahead, lambda i: self._name, lambda i: f"{time_s[i] - arrived_s[i]:.0f} s")
+            self._tally.add_rows(AHEAD, ahead, lambda i: self._name, lambda i: f"{time_s[i] - arrived_s[i]:.0f} s", used=True)
             time_s = np.where(ahead, arrived_s, time_s)
         else:
             self._tally.add_rows(TIME_MISSING, np.isnan(time_s) & ~none, lambda i: self._name, lambda i: "")

@@ -95,33 +95,38 @@ class Table:
         return inspect.cleandoc(self.model.__doc__ or "")
 
 
-def tables(model: type[BaseModel], header: str = "") -> Iterator[Table]:
-    """The table of this model and every table below it, in order of declaration."""
-    yield _table(model, header, chosen=True)
+def tables(model: type[BaseModel], header: str = "", default: BaseModel | None = None) -> Iterator[Table]:
+    """The table of this model and every table below it, in order of declaration.
+
+    Args: default: what holds where a scenario says nothing; none: the default of each field.
+    """
+    yield _table(model, header, default)
     for key, field in model.model_fields.items():
+        used = getattr(default, key, field.default)
         below, many = models_of(field.annotation)
         path = f"{header}.{key}" if header else key
         for choice in below:
-            for table in tables(choice, path):
+            for table in tables(choice, path, used if type(used) is choice else None):
                 head = f"[[{path}]]" if many and table.header == path else table.header
-                chosen = table.chosen and (len(below) == 1 or isinstance(field.default, choice))
+                chosen = table.chosen and (len(below) == 1 or type(used) is choice)
                 yield replace(table, header=head, chosen=chosen)
 
 
-def _table(model: type[BaseModel], header: str, *, chosen: bool) -> Table:
+def _table(model: type[BaseModel], header: str, holds: BaseModel | None) -> Table:
     meanings = _comments(model)
     settings, below, method = [], [], ""
     for key, field in model.model_fields.items():
         if key == "method":
-            method = str(get_args(field.annotation)[0])
+            method = str(getattr(holds, key, get_args(field.annotation)[0]))
         elif models := models_of(field.annotation)[0]:
             below.append((key, tuple(models)))
         else:
             meaning = " ".join((field.description or meanings.get(key, "")).split())
             value = None if field.is_required() else field.get_default(call_default_factory=True)
+            value = getattr(holds, key, value)
             default = "needed" if field.is_required() else "none" if value is None else json.dumps(value, default=str)
             settings.append(Setting(key, kind_of(field.annotation, field.metadata), unit_of(key), default, meaning))
-    return Table(header, method, chosen, model, tuple(settings), tuple(below))
+    return Table(header, method, True, model, tuple(settings), tuple(below))
 
 
 def unit_of(key: str) -> str:

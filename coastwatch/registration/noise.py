@@ -55,7 +55,8 @@ def scattered(
     axes = np.stack([along, np.column_stack([-along[:, 1], along[:, 0]])], axis=1)
     factor = given.corrections.noise_factor[m.sensor]
     stated, known = (np.einsum("mai,mij,maj->ma", axes, c[:, :2, :2], axes) for c in (m.covariance, ais.known_covariance(1.0)))
-    residual = np.einsum("mai,mi->ma", axes, off) / np.sqrt(stated / factor**2 + known)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of a plot on the site of its radar
+        residual = np.einsum("mai,mi->ma", axes, off) / np.sqrt(stated / factor**2 + known)
     residual = np.clip(residual, -OUTLIER * factor, OUTLIER * factor)
     sound = np.isfinite(residual).all(axis=1)
     new = PlotScatter(m.sensor, ais.track_id, np.ones(len(m)), residual, residual**2).take(sound)

@@ -70,6 +70,9 @@ LIVE_HOURS = {
 """For how long a live run keeps what its settings say nothing of: a week of history, a day of details, 90 days of events."""
 
 
+Hours = Annotated[float, Field(ge=0.0, le=876_600.0)]  # up to a century
+
+
 class StoreSettings(Settings):
     """What is stored of a run, and for how long. A live run (`coastwatch serve`) has a limit for each time that is not set.
 
@@ -88,13 +91,13 @@ class StoreSettings(Settings):
     checkpoint_mb_s: Positive = (
         32.0  # megabytes a second before compression that checkpoints of a live run may take, to save more often than that
     )
-    history_hours: NotNegative = 0.0  # of history; 0: all
-    details_hours: NotNegative = 0.0  # of associations, spots, timings and registrations; 0: all
-    event_hours: NotNegative = 0.0  # of events, by their end; 0: all
+    history_hours: Hours = 0.0  # of history; 0: all
+    details_hours: Hours = 0.0  # of associations, spots, timings and registrations; 0: all
+    event_hours: Hours = 0.0  # of events, by their end; 0: all
     event_gap_s: NotNegative = 60.0  # a flag that returns within this time goes on with its event
-    picture_hours: NotNegative = 0.0  # after the end of a run until its last picture is deleted; 0: never
-    recording_hours: NotNegative = 0.0  # of recording; 0: all
-    audit_hours: NotNegative = 0.0  # of who changed what, and of versions of zones before the newest; 0: all
+    picture_hours: Hours = 0.0  # after the end of a run until its last picture is deleted; 0: never
+    recording_hours: Hours = 0.0  # of recording; 0: all
+    audit_hours: Hours = 0.0  # of who changed what, and of versions of zones before the newest; 0: all
     journal_minutes: NotNegative = (
         30.0  # of a regional centre's tracks, for centres that fall behind; the newest cycle is always kept
     )

@@ -14,6 +14,8 @@ from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.stage import Latitude, Longitude, NotNegative, Positive, Settings
 
 Name = Annotated[str, Field(min_length=1, max_length=32)]
+RangeNm = Annotated[float, Field(gt=0.0, le=2000.0)]
+TurnsAMinute = Annotated[float, Field(gt=0.0, le=1000.0)]
 
 
 class Area(Settings):
@@ -32,8 +34,8 @@ class Radar(Settings):
     region: Name = "region"  # the radars of a region make one set of tracks; not "ais"
     latitude_deg: Latitude | None = None  # of the antenna; none: a radar that moves, with its position in each row of its plots
     longitude_deg: Longitude | None = None
-    range_nm: Positive
-    rpm: Positive
+    range_nm: RangeNm
+    rpm: TurnsAMinute
     range_noise_m: Positive = 10.0
     azimuth_noise_deg: Positive = 0.3
     beam_deg: Positive = 1.0  # width of the beam at half power, for video
@@ -67,7 +69,7 @@ class Station(Settings):
     name: Name  # unique among the stations
     latitude_deg: Latitude
     longitude_deg: Longitude
-    range_nm: Positive
+    range_nm: RangeNm
 
 
 class Sonar(Settings):
@@ -76,7 +78,7 @@ class Sonar(Settings):
     name: Name  # unique among the sonars, radars, regions and sources of tracks; not "ais"
     latitude_deg: Latitude
     longitude_deg: Longitude
-    range_nm: Positive
+    range_nm: RangeNm
     bearing_noise_deg: Positive = 1.0
     interval_s: Positive = 3.0
     arc_from_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0

@@ -265,6 +265,9 @@ class LiveRun:
                 self._statics = stored_statics(opened, run_id, MOST_STATICS)
                 alarms = known_of(store.alarms_before(opened, run_id, events.time_s, MOST_ENDED), events)
         before, left = self.alarms.run_id, len(self.alarms.alarms(Chosen(unacknowledged=True)))
+        if before == -1 and not point.cycle:  # the process before this one may have left some
+            with store.open_store(self._database, create=False) as opened:
+                before, left = store.left_unacknowledged(opened, run_id) or (-1, 0)
         if before not in (-1, run_id) and left:
             where = f"coastwatch query alarms --run {before}"
             try:

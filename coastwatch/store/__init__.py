@@ -19,6 +19,7 @@ from coastwatch.store.read.alarms import Cursor as Cursor
 from coastwatch.store.read.alarms import alarms as alarms
 from coastwatch.store.read.alarms import alarms_before as alarms_before
 from coastwatch.store.read.alarms import changed_alarms as changed_alarms
+from coastwatch.store.read.alarms import left_unacknowledged as left_unacknowledged
 from coastwatch.store.read.history_queries import encounters as encounters
 from coastwatch.store.read.history_queries import history as history
 from coastwatch.store.read.history_queries import traffic as traffic

@@ -10,6 +10,7 @@ from coastwatch.operators.cli.parser import make_parsers
 from coastwatch.scenario import Scenario, scenario_names
 
 HOUSE = Path(__file__).parents[2]
+AREA = {"latitude_deg": 55.0, "longitude_deg": 12.0, "width_nm": 20.0, "height_nm": 20.0}
 WRITTEN, PAPERS = reference.FILE.read_text("utf-8"), reference.PAPERS.read_text("utf-8")
 COMMANDS = [(f"coastwatch {name}", parser) for name, parser in make_parsers().items() if name]
 TABLES = list(settings.tables(Scenario))
@@ -65,6 +66,16 @@ def test_every_method_is_documented() -> None:
     assert len(methods) >= 20
     unsaid = [t for t in methods if f'`method = "{t.method}"`' not in WRITTEN + PAPERS or t.method not in readme_of(t.model)]
     assert [f"{t.header} {t.method}" for t in unsaid] == []
+
+
+def test_the_default_method_of_a_table_is_the_one_that_a_scenario_without_it_runs() -> None:
+    scenario = Scenario.model_validate({"name": "a", "title": "a", "start_utc": "2025-06-01T12:00:00Z", "area": AREA})
+    chosen = {table.header: table.method for table in TABLES if table.chosen and table.method}
+    assert chosen["tracks"] == scenario.tracks.method == "guided_vimmjipda"
+    for part in ("association", "messages", "bank", "upkeep"):
+        assert chosen[f"tracks.{part}"] == getattr(scenario.tracks, part).method
+    for stage in ("ais_tracks", "bearing_tracks", "fused_tracks", "associations"):
+        assert chosen[stage] == getattr(scenario, stage).method
 
 
 def test_every_stage_is_reached() -> None:

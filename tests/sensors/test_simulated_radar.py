@@ -134,6 +134,14 @@ def test_switched_on_and_off():
     assert (reports.time_s[reports.sensor == 1] - START_S).min() < 1.0
 
 
+def test_one_that_is_never_on_has_no_plots_and_one_that_stops_before_it_starts_is_refused():
+    for never in (RadarTruth(start_s=50.0, stop_s=50.0), RadarTruth(start_s=1e6)):
+        reports, _ = seen((never, RadarTruth()))
+        assert (reports.sensor == 1).all()
+    with pytest.raises(ValueError, match=r"stop_s: got 20.0, needed start_s = 50.0 or more"):
+        RadarTruth(start_s=50.0, stop_s=20.0)
+
+
 def test_a_moving_platform_says_where_it_was():
     moving = RadarTruth(noise_factor=0.0, course_deg=90.0, speed_kn=20.0)
     reports, vessels = seen((moving, QUIET))

@@ -138,6 +138,7 @@ def test_a_stamp_that_no_clock_shows_is_refused_and_one_far_ahead_is_said_after_
         assert sorted(found.bearing.bearing_deg)[:2] == [4.0, 10.0]
         feed.look()
         state = made.feeds()[0]
+        assert state["refused"] == 3
         assert state["faults"] == {
             "time that no clock shows: not of 1970 to 2223": 3,
             "time ahead of the clock of this machine, that of arrival taken": 1,

@@ -6,16 +6,19 @@ import sqlite3
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import httpx2 as httpx
+import numpy as np
 import pytest
 from run_world import Start, column, stored
 from server_world import events, listening, wait_for
 
 from coastwatch import store
+from coastwatch.batches import Flag
 from coastwatch.errors import StoreError
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.typed import utc
@@ -256,16 +259,29 @@ def test_alarms_of_an_earlier_run_that_nobody_acknowledged_are_said_when_a_new_o
     ]
     run.begun(first, point)
     assert run.left_alarms() == []
+    with store.open_store(url) as opened:  # a new process, whose run takes the place of one before
+        for number in range(3):
+            picture = world.picture_of(number, 30)
+            dark = replace(picture, flags=np.where(picture.vessel_id < 4, int(Flag.DARK), 0))
+            world.write(opened, first, number, cycle=world.cycle_of(number, 30, dark))
+        other, second = world.begin(opened, scenario="other"), world.begin(opened)
+        waiting = store.left_unacknowledged(opened, second)
+        assert store.left_unacknowledged(opened, other) is None
+    assert waiting == (first, 3)
+    restarted = LiveRun(load_scenario("guanabara"), Paced(), lambda _: None, database=url)
+    restarted.begun(second, point)
+    (said,) = restarted.left_alarms()
+    assert said.text.startswith(f"run {first} had 3 alarms that nobody acknowledged: coastwatch query alarms")
     run.alarms.begin(first, alarms)
     run.begun(first, point)
     assert run.left_alarms() == [], "the run goes on"
     run.alarms.begin(first, alarms)
-    run.begun(first + 1, point)
+    run.begun(first + 7, point)
     (said,) = run.left_alarms()
     assert (said.kind, said.is_serious) == ("alarms", False)
     assert said.text == f"run {first} had 2 alarms that nobody acknowledged: coastwatch query alarms --run {first}"
-    run.alarms.begin(first + 1, alarms[:1])
-    run.begun(first + 2, point)
+    run.alarms.begin(first + 7, alarms[:1])
+    run.begun(first + 8, point)
     assert run.left_alarms()[0] == said
-    assert f"run {first + 1} had 1 alarms that nobody acknowledged" in run.left_alarms()[1].text
-    assert f"no run {first + 1}" in run.left_alarms()[1].text, "it is not in the database"
+    assert f"run {first + 7} had 1 alarms that nobody acknowledged" in run.left_alarms()[1].text
+    assert f"no run {first + 7}" in run.left_alarms()[1].text, "it is not in the database"

@@ -82,9 +82,11 @@ class RadarTruth(Settings):
     speed_kn: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # of a moving platform; 0: on shore
 
     @model_validator(mode="after")
-    def _it_works_between_outages(self) -> Self:
+    def _it_works_between_outages_and_after_its_start(self) -> Self:
         if self.outage_s >= self.outage_every_s:
             raise InputError(f"outage_s: got {self.outage_s}, needed less than outage_every_s = {self.outage_every_s}")
+        if self.stop_s is not None and self.stop_s < self.start_s:
+            raise InputError(f"stop_s: got {self.stop_s}, needed start_s = {self.start_s} or more")
         return self
 
     def looks_at(self, azimuth_deg: Floats) -> Bools:
@@ -278,10 +280,10 @@ class Antenna:
 
         The azimuth is continuous over the turns, so that a vessel that crosses north is detected once per turn.
         """
-        turns, row = np.tile(self.turns, len(row)), np.repeat(row, len(self.turns))
+        vessels, turns, row = len(row), np.tile(self.turns, len(row)), np.repeat(row, len(self.turns))
         period = float(self.radars.period_s[self.r])
         at = self._relative(position_at, row, self.first_s + (turns + 0.5) * period)
-        azimuth = _unwrapped(np.arctan2(at[:, 0], at[:, 1]).reshape(-1, len(self.turns))).ravel()
+        azimuth = _unwrapped(np.arctan2(at[:, 0], at[:, 1]).reshape(vessels, len(self.turns))).ravel()
         for _ in range(BEAM_ROUNDS):
             time = self.first_s + (turns + azimuth / TURN_RAD) * period
             at = self._relative(position_at, row, time)

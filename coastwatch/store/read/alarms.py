@@ -134,6 +134,20 @@ def _changed(run_id: int, since: Cursor, now: Cursor) -> list[SelectBase]:
     return keys
 
 
+def left_unacknowledged(store: Store, run_id: int) -> tuple[int, int] | None:
+    """The run before this one of its scenario, and how many of its alarms nobody has acknowledged; none: there is none with any.
+
+    Raises: StoreError.
+    """
+    scenario = select(RUN.c.scenario).where(RUN.c.id == run_id).scalar_subquery()
+    with reading(store) as connection:
+        before = connection.scalar(select(func.max(RUN.c.id)).where(RUN.c.id < run_id, RUN.c.scenario == scenario))
+        count = 0
+        if before is not None:
+            count = connection.scalar(select(func.count()).select_from(EVENT).where(E.run_id == before, UNACKNOWLEDGED)) or 0
+    return (before, count) if count else None
+
+
 def _waiting(run_id: int) -> list[SelectBase]:
     """The keys of what lasts, and of what nobody has acknowledged, each part by an index."""
     return [_keys(EVENT, run_id, E.to_cycle.is_(None)), _keys(EVENT, run_id, UNACKNOWLEDGED)]
