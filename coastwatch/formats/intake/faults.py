@@ -65,5 +65,5 @@ class Tally:
 
 
 def refused(faults: tuple[Fault, ...]) -> tuple[Fault, ...]:
-    """The faults without the kinds that were only set aside, and without notes on records that are used."""
-    return tuple(f for f in faults if not f.used and not f.kind.startswith(SET_ASIDE))
+    """The faults without the kinds that were only set aside."""
+    return tuple(f for f in faults if not f.kind.startswith(SET_ASIDE))

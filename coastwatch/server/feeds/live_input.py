@@ -94,7 +94,7 @@ class _Feed:
         at_s, counts = now_s(), self.decoder.counts
         dropped = self.inbox.dropped + counts.dropped
         tally = self.decoder.tally
-        not_read = sum(fault.count for fault in refused(tally.faults()))
+        not_read = sum(fault.count for fault in _not_used(tally.faults()))
         stamps = tally.count(AHEAD), tally.count(NO_TIME)
         self._looks.append((at_s, counts.records, counts.late, counts.before_run, dropped, not_read, *stamps))
         while self._looks[0][0] < at_s - THROWN_WITHIN_S:
@@ -119,7 +119,7 @@ class _Feed:
             if no_time:
                 sentences.append(f"{no_time} records of the last minute are not used: {NO_TIME}")
             if not used and not_read - no_time >= LEAST_THROWN:
-                most = max(refused(self.decoder.tally.faults()), key=lambda fault: fault.count)
+                most = max(_not_used(self.decoder.tally.faults()), key=lambda fault: fault.count)
                 why = f"{most.kind}: {most.example}" if most.example else most.kind
                 sentences.append(f"none of the {not_read} records of the last minute could be used, most often: {why}")
             if dropped:
@@ -140,7 +140,7 @@ class _Feed:
             inbox.address.name,
             received=inbox.received,
             records=decoder.counts.records,
-            refused=sum(fault.count for fault in refused(faults)),
+            refused=sum(fault.count for fault in _not_used(faults)),
             late=decoder.counts.late,
             before_run=decoder.counts.before_run,
             dropped=inbox.dropped + decoder.counts.dropped,
@@ -368,3 +368,8 @@ class LiveInput:
             return False
         late = [feed for feed in self._feeds if feed.decoder.stamps.newest_s < until_s + self._lateness_s]
         return all(feed.inbox.silent_s > SILENT_S for feed in late) and (len(late) < len(self._feeds) or bool(self._regions))
+
+
+def _not_used(faults: tuple[Fault, ...]) -> tuple[Fault, ...]:
+    """The faults whose records are not used."""
+    return tuple(fault for fault in refused(faults) if not fault.used)
