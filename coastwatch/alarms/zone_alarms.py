@@ -343,8 +343,10 @@ def _of_outlines(inside: Lasting, now: Holding, changed: Ints) -> Lasting:
 
     Args: changed: numbers of these zones.
     """
-    here = np.isin(inside.key, now.key[np.isin(now.subject, changed)])
-    return inside.take(~np.isin(inside.subject, changed) | here)
+    kept = ~np.isin(inside.subject, changed)
+    for number in changed.tolist():
+        kept |= (inside.subject == number) & np.isin(inside.key, now.key[now.subject == number])
+    return inside.take(kept)
 
 
 def _has_entered(settings: AlarmSettings, stays: Lasting, seen: Seen) -> Bools:

@@ -202,6 +202,22 @@ def test_a_zone_that_is_drawn_elsewhere_is_entered_and_left_by_none_of_those_who
         assert stays.since_s[stays.vessel_id == 3].tolist() == [0.0]  # in both outlines
 
 
+def test_two_zones_that_change_places_are_left_by_nobody() -> None:
+    centres = [tuple(offset_deg(SITE, np.array([east, 0.0]))) for east in (0.0, 9000.0)]
+    here, there = (
+        Zone(name=f"at {k}", kind="circle", centre_deg=at, radius_nm=1.0, leave=True) for k, at in enumerate(centres)
+    )
+    memory, found = RULES.init(), []
+    for cycle in range(80):
+        time_s, now = PERIOD_S * cycle, numbered((there, here) if cycle >= 40 else (here, there))
+        scene = [{"id": 1, "at": (0.0, 0.0)}, {"id": 2, "at": (9000.0, 0.0)}]
+        memory, alarms = RULES.step(memory, AlarmInput(*picture_of(time_s, scene), time_s, sensors(), now))
+        found.append(alarms)
+    assert spans(found, AlarmKind.ZONE_LEAVE) == {}
+    stays = memory.zones.inside
+    assert list(zip(stays.vessel_id.tolist(), stays.subject.tolist(), strict=True)) == [(1, 2), (2, 1)]
+
+
 def test_a_circle_is_as_large_as_it_says() -> None:
     shape = Shape(1, Zone(name="ring", kind="circle", centre_deg=(60.0, 179.9), radius_nm=30.0), 100.0)
     bearing = np.radians(np.arange(0.0, 360.0, 15.0))
