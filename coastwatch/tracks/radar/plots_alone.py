@@ -64,7 +64,10 @@ def update(
     A track that messages began gets its filter by the first plot that it likely takes.
     Args: of, plot: (A,) slot and plot of each pair; share: (A,) its probability, given that its track exists; likely: rows of pairs.
     """
-    rows = np.flatnonzero(alone.has_filter(of))
+    has_filter = alone.has_filter(of)
+    if not (has_filter | np.isfinite(table.message_s[of])).any():
+        return
+    rows = np.flatnonzero(has_filter)
     if len(rows):
         chosen = Candidates(plot[rows], of[rows], np.zeros(len(rows)), np.zeros(len(rows)))
         shadow = as_table(alone, table)
