@@ -301,8 +301,8 @@ def picture(parser: Parser) -> None:
 def track(parser: Parser) -> None:
     """One vessel: its details, its alarms, its tracks, its associations and its history, the newest rows of each. --json prints
     all rows of all; csv, geojson, parquet and gpx have the history, gpx as a track for a chart plotter. The history is what the
-    watch saw. With --decided: its corrected past instead, the line to print after an incident;
-    the last looks of a track are open until the next ones, or until it ends.
+    watch saw. With --decided: its corrected past instead, the line to print after an incident.
+    The last looks of a track are open until the next ones, or until it ends.
     """
     parser.add_argument("vessel", metavar="ID", type=whole, help="vessel id, as in `coastwatch picture` (not the MMSI)")
     add_run(parser)

@@ -6,7 +6,7 @@ A state is decided some looks later, and the last ones of a track when it ends. 
 from __future__ import annotations
 
 import numpy as np
-from sqlalchemy import Connection, or_, select
+from sqlalchemy import Connection, select
 
 from coastwatch.batches import ID_STRIDE, DecidedPath, Floats, Ints
 from coastwatch.store.rows import NullableId, fetch_arrays, insert, motion
@@ -62,9 +62,13 @@ def _cycle_of(connection: Connection, run_id: int, first: int, time_s: Floats) -
 def _stays(connection: Connection, run_id: int, first: int, members: Ints) -> Ints:
     """The stays of radar tracks in vessels since a cycle. (S, 3) track, first cycle (-1: before it), vessel."""
     m = MEMBER_HISTORY.c
-    query = select(m.vessel_id, m.source, m.track_id, m.from_cycle, m.to_cycle)
-    query = query.where(m.run_id == run_id, or_(m.from_cycle > first, m.to_cycle >= first))
-    vessel, source, track, begun, ended = fetch_arrays(connection, query)
+    columns = select(m.vessel_id, m.source, m.track_id, m.from_cycle, m.to_cycle).where(m.run_id == run_id)
+    both = (
+        columns.where(m.from_cycle > first),
+        columns.where(m.to_cycle >= first),
+    )  # each by its index; OR reads all stays of a run
+    parts = zip(*(fetch_arrays(connection, query) for query in both), strict=True)
+    vessel, source, track, begun, ended = (np.concatenate(part) for part in parts)
     of_radar = source == track // ID_STRIDE
     changed, lasting = np.stack([track, begun, vessel], 1)[of_radar], track[of_radar & (ended < 0)]
     of_radars = members[members[:, 1] == members[:, 2] // ID_STRIDE]
