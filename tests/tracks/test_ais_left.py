@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from radar_world import PERIOD_S, plots_of, two_radars, world
+from radar_world import PERIOD_S, cut, plots_of, two_radars, world
 from test_ais_guides_plots import CYCLES, errors_m, messages_of, run
 
-from coastwatch.batches import Plots
+from coastwatch.batches import Plots, Radars
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import TableTracker
+from coastwatch.tracks import RegionInput, TableTracker
 
 pytestmark = pytest.mark.contract
 
@@ -53,6 +53,30 @@ def test_an_ais_that_drifts_away_is_left_and_the_track_goes_on_by_its_plots(meth
     assert before.track_id.tolist() == after.track_id.tolist()
     assert out[-1].held_mmsi[out[-1].origin == 1].tolist() == [MMSI + 1]
     assert max(errors_m(tracks, truth).max() for tracks in out[6:]) < 3.0 * PLOT_SIGMA_M  # the AIS is 600 m off at the end
+
+
+@pytest.mark.parametrize("method", ["guided_vimmjipda", "multi_hypothesis"])
+def test_a_slow_radar_that_does_not_see_the_vessel_does_not_delay_that_its_ais_is_left(method, drifting):
+    """A third radar of the region turns once in 30 s, and has the vessel outside its range."""
+    _, plots, messages = drifting
+    two = two_radars()
+    slow = replace(
+        two.radars.take(np.array([0])), name=np.array(["slow"]), period_s=np.array([30.0]), range_m=np.array([100.0])
+    )
+    three = replace(two, radars=Radars.join([two.radars, slow]))
+    tracker, left_in = TableTracker(method=method), []
+    for sensors in (two, three):
+        memory, first = tracker.init(), None
+        for cycle in range(2 * CYCLES):
+            end_s = PERIOD_S * (cycle + 1)
+            now = messages.take((messages.time_s > end_s - PERIOD_S) & (messages.time_s <= end_s))
+            given = RegionInput.of_plots(cut(plots, cycle), end_s, sensors)
+            memory, _ = tracker.step(memory, given._replace(messages=now))
+            if first is None and (memory.plots_alone.left_mmsi[memory.table.live] == MMSI).any():
+                first = cycle
+        left_in.append(first)
+    assert left_in[0] is not None
+    assert left_in[0] == left_in[1]
 
 
 @pytest.mark.parametrize("method", METHODS)

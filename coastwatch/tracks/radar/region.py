@@ -56,7 +56,7 @@ from coastwatch.tracks.radar.report import Reported, report, report_decided, rep
 from coastwatch.tracks.radar.table import RadarMemory
 
 NOTHING_DECIDED = DecidedPath.empty()
-LOOKS = 3  # of the slowest radar, for which plots contradict messages until a track leaves them: filters lag behind a turn
+LOOKS = 3  # of a radar, for which plots contradict messages until a track leaves them: filters lag behind a turn
 DAY_S = 86400.0  # older plots are from a clock that is not set
 HELD = 0.98  # an id of this probability is reported as that of the vessel; the first message gives `correct_id`, 0.99
 
@@ -235,7 +235,7 @@ def update_region(
     memory = _end_slice(association, parts, memory, radars, ours, time_s)
     memory = _with_whole_ships(parts, association.end_cycle(parts, memory, time_s), time_s)
     if tested and not isinstance(messages, NoMessages):
-        memory = _without_contradicted(association, messages, parts, memory, heard, time_s, ours)
+        memory = _without_contradicted(association, messages, parts, memory, heard, time_s)
     tracks = _shown_tracks(association, isinstance(messages, Guiding), tested, parts, memory, radars, given)
     found = RegionOutput(
         tracks=tracks,
@@ -255,17 +255,12 @@ def _without_contradicted(
     memory: RadarMemory,
     heard: Messages,
     time_s: float,
-    ours: Ints,
 ) -> RadarMemory:
-    """The memory after tracks have left messages that contradict their plots.
-
-    Args: heard: messages of this cycle; ours: radars.
-    """
+    """The memory after tracks have left messages that contradict their plots. Args: heard: messages of this cycle."""
     looks = LOOKS
     if isinstance(association, MultiHypothesis):  # its last looks are not decided yet
         looks = max(looks, association.window)
-    least_s = looks * float(parts.sensors.radars.period_s[ours].max(initial=0.0))
-    left = leave(messages, parts, memory, float(heard.time_s.min(initial=np.inf)), time_s, least_s)
+    left = leave(messages, parts, memory, float(heard.time_s.min(initial=np.inf)), time_s, looks)
     return association.begin_again(memory, left) if isinstance(association, MultiHypothesis) else memory
 
 

@@ -22,11 +22,12 @@ def trusted(rules: MessageSettings, memory: RadarMemory, messages: Messages, tim
     return messages.take(~np.isin(messages.mmsi, alone.left_mmsi[left])) if len(left) else messages
 
 
-def leave(rules: MessageSettings, parts: Parts, memory: RadarMemory, since_s: float, time_s: float, least_s: float) -> Ints:
+def leave(rules: MessageSettings, parts: Parts, memory: RadarMemory, since_s: float, time_s: float, looks: int) -> Ints:
     """Tracks whose messages contradict their plots, or go to another track, go on by plots alone, in place.
 
     All tracks of that MMSI do.
-    Args: since_s: time of the oldest message of this cycle: a track without one is not tested again; least_s: how long they contradict.
+    Args: since_s: time of the oldest message of this cycle: a track without one is not tested again; looks: of the slowest radar that
+    sees the track, for which they contradict.
     Returns: their slots.
     """
     table, alone = memory.table, memory.plots_alone
@@ -42,7 +43,9 @@ def leave(rules: MessageSettings, parts: Parts, memory: RadarMemory, since_s: fl
     contradicted[plots_alone.contradicted(alone, table, parts, slots[fresh], bias, time_s, rules.doubt)] = True
     since = alone.doubted_s[slots[fresh]]
     alone.doubted_s[slots[fresh]] = np.where(contradicted, np.where(np.isnan(since), time_s, since), np.nan)
-    gone |= time_s - alone.doubted_s[slots] >= least_s  # also where plots have left the gates of the track meanwhile
+    gone |= time_s - alone.doubted_s[slots] >= looks * _period_s(
+        parts, memory, slots, time_s
+    )  # also where plots have left the gates of the track meanwhile
     gone = np.isin(mmsi, mmsi[gone])
     left = slots[gone]
     if not len(left):
@@ -64,6 +67,16 @@ def _is_current(parts: Parts, memory: RadarMemory, slots: Ints, time_s: float) -
         return np.zeros(len(slots), np.bool_)
     period_s = radars.period_s[table.radar_s[slots].argmax(axis=1)]
     out: Bools = time_s - memory.plots_alone.updated_s[slots] <= CURRENT_TURNS * period_s
+    return out
+
+
+def _period_s(parts: Parts, memory: RadarMemory, slots: Ints, time_s: float) -> Floats:
+    """The period of the slowest radar that has seen each of these tracks in its last turns; else of that with the newest plot. (N,)"""
+    period_s, seen_s = parts.sensors.radars.period_s, memory.table.radar_s[slots]
+    if not len(period_s):
+        return np.zeros(len(slots))
+    slowest_s = np.where(time_s - seen_s <= CURRENT_TURNS * period_s, period_s, 0.0).max(axis=1)
+    out: Floats = np.maximum(slowest_s, period_s[seen_s.argmax(axis=1)])
     return out
 
 
