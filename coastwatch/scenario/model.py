@@ -28,7 +28,17 @@ from coastwatch.geodesy import scale_m_deg
 from coastwatch.picture import Identity
 from coastwatch.plots import CfarExtraction, PlotConverter, PlotExtractor, PolarConversion
 from coastwatch.registration import OnlineRegistration, Registrar
-from coastwatch.scenario.sites import Area, Name, Radar, Sonar, Station, TrackSource, refuse_shared_names, sensors_of
+from coastwatch.scenario.sites import (
+    Area,
+    Name,
+    Radar,
+    Sonar,
+    Station,
+    TrackSource,
+    refuse_scattered_regions,
+    refuse_shared_names,
+    sensors_of,
+)
 from coastwatch.sensors import SIMULATIONS, Feed, LiveFeeds, Tables, VideoFiles
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
@@ -181,6 +191,7 @@ class Scenario(Settings):
                 twice = next(name for name in names if names.count(name) > 1)
                 raise InputError(f"{kind}: got the name {twice!r} {names.count(twice)} times, needed each once")
         refuse_shared_names(self.radars, self.track_sources, self.sonars)
+        refuse_scattered_regions(self.radars)
         return self
 
     @model_validator(mode="after")

@@ -113,6 +113,8 @@ def sentence(
         return f"{path}.{_tag(context)}: {_no_method(str(context['tag']), names)}"
     if kind == "literal_error" and last == "method" and isinstance(value, str):
         return f"{path}: {_no_method(value, list(methods_of(holder)) if holder else [])}"
+    if WANTED.get(kind) == LIST and isinstance(value, Mapping) and _form(holder, last) != "a value":
+        return f"{path}: got a table [{last}], needed {_form(holder, last)}"
     needed = LIMITS[kind](context) if kind in LIMITS else WANTED.get(kind, error["msg"])
     return f"{path}: got {f'{noun} ' if noun else ''}{_short(value)}, needed {needed}"
 

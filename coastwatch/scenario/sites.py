@@ -10,9 +10,10 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import Array, AzimuthReference, Floats, Radars, Sensors, Sonars, Stations, TrackSources
 from coastwatch.errors import InputError
-from coastwatch.geodesy import NAUTICAL_MILE_M
+from coastwatch.geodesy import NAUTICAL_MILE_M, earth_centred
 from coastwatch.stage import Latitude, Longitude, NotNegative, Positive, Settings
 
+MOST_APART_NM = 500.0  # radars of a region: in its plane distances are 0.3 % short half so far out
 Name = Annotated[str, Field(min_length=1, max_length=32)]
 RangeNm = Annotated[float, Field(gt=0.0, le=2000.0)]
 TurnsAMinute = Annotated[float, Field(gt=0.0, le=1000.0)]
@@ -116,6 +117,20 @@ def refuse_shared_names(radars: Sequence[Radar], track_sources: Sequence[TrackSo
         for name in names:
             if name in taken:
                 raise InputError(f"{kind}: got the name {name!r}, which is also that of {taken[name]}, needed another one")
+
+
+def refuse_scattered_regions(radars: Sequence[Radar]) -> None:
+    """Refuses a region whose radars are so far apart that one plane cannot hold them, as where a sign is wrong. Raises: InputError."""
+    for region in dict.fromkeys(radar.region for radar in radars):
+        ours = [r for r in radars if r.region == region and r.latitude_deg is not None]
+        if ours:
+            sites = earth_centred(_sites(ours))
+            apart_nm = np.hypot.reduce(sites - sites[0], axis=1) / NAUTICAL_MILE_M
+            if apart_nm.max() > MOST_APART_NM:
+                raise InputError(
+                    f"radars: got {ours[0].name!r} and {ours[int(apart_nm.argmax())].name!r} of region {region!r} "
+                    f"{apart_nm.max():,.0f} nm apart, needed {MOST_APART_NM:.0f} at most; is the sign of a position wrong?"
+                )
 
 
 def sensors_of(
