@@ -176,3 +176,33 @@ def test_a_track_with_two_histories_says_how_far_away_it_may_be():
     for each, vessel in ((none_sure, 120.0), (one_sure, np.nan)):
         two = replace(tracks[11].take(np.arange(2)), alternative_m=each)
         np.testing.assert_array_equal(with_details(Picture.zeros(V=1), two, np.zeros(2, np.int64)).alternative_m, [vessel])
+
+
+def test_a_track_of_another_vessels_plots_loses_its_mmsi_when_that_is_heard_elsewhere():
+    """A ship at berth that no radar shows yet, whose first message its neighbour takes, 300 m away; the next is 43 s later."""
+    truth = world(2, 1, kick_m_s=0.0)
+    truth = replace(truth, start_m=np.array([[0.0, 0.0], [300.0, 0.0]]), velocity_m_s=np.zeros((2, 2)))
+    plots = plots_of(truth, two_radars(), PERIOD_S * CYCLES, 3)
+    plots = plots.take((plots.origin == 0) | (plots.time_s > 12.0))  # the second ship is seen later
+    time_s = np.array([5.0, 48.0, 51.0, 54.0, 57.0])
+    place = np.array([[15.0, 0.0], *np.tile([300.0, 0.0], (4, 1))])
+    spread = np.tile(100.0 * np.eye(2), (5, 1, 1))
+    messages = Messages(time_s, place, spread, np.full(5, MMSI), np.ones(5, np.int64), interval_s=np.full(5, 180.0))
+    _, tracks, _ = run(TableTracker(method="multi_hypothesis"), plots, messages)
+    held = [dict(zip(one.origin.tolist(), one.held_mmsi.tolist(), strict=True)) for one in tracks]
+    assert held[12] == {0: MMSI, 1: -1}
+    assert held[-1] == {0: -1, 1: MMSI}
+
+
+def test_a_track_waits_a_minute_for_the_messages_of_a_ship_at_berth(scene):
+    """Its messages come each three minutes: a track that coasted so long would take the plots of its neighbours."""
+    truth, plots, _ = scene
+    plots = plots.take((plots.origin == 0) & (plots.time_s < 12.0))
+    message = messages_of(truth, [0], 1e9, MMSI + np.arange(16))
+    message = replace(message, interval_s=np.array([180.0]))
+    method, alive = TableTracker(method="multi_hypothesis"), []
+    memory = None
+    for cycles in (range(18), range(18, 30)):  # 54 s and 90 s
+        memory, *_ = run(method, plots, message, cycles, memory)
+        alive.append(len(memory.table))
+    assert alive == [1, 0]

@@ -26,6 +26,7 @@ from coastwatch.tracks.radar.messages.sequential import Sequential
 from coastwatch.tracks.radar.messages.weighing import (
     COARSE,
     begin_named,
+    begin_unnamed,
     columns_of,
     log_density_of_velocity,
     measurements_of,
@@ -46,7 +47,10 @@ from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.table import RadarMemory, Table
 
 SENDS = math.log(2.0)  # cost of an MMSI that a leaf takes: half of the vessels send none
-WAITS = 1.5  # expected intervals of its messages, in which a track lives without plots
+WAITS, LONGEST_WAIT_S = (
+    1.5,
+    60.0,
+)  # expected intervals of its messages in which a track lives without plots, and how long at most
 MMSI_DIGITS = 2**31  # above any MMSI
 
 
@@ -65,6 +69,7 @@ def take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: RadarM
     forest, table, batch = forest_of(memory, pruning.window), memory.table, columns_of(messages)
     leaves, first = forest.leaves, forest.next_plot
     heard = _heard(parts, rules, leaves, messages)
+    _give_up_names(rules, table, leaves, heard, messages)
     looked_s = np.full(len(table.track_id), -np.inf)
     np.maximum.at(looked_s, leaves.slot[heard.leaf], batch.time[heard.message])
     looked = np.isfinite(looked_s)
@@ -92,9 +97,9 @@ def take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: RadarM
     taken = write_chosen(parts, table, pruned, looked, first, batch)
     got = np.flatnonzero(taken >= 0)
     np.maximum.at(table.message_s, taken[got], batch.time[got])
-    until_s = batch.time[got] + WAITS * messages.interval_s[got]
+    until_s = _awaited_until_s(messages.take(got))
     has_id = table.ids[taken[got], 0] == messages.mmsi[got]
-    forest.until_s[taken[got]] = np.where(has_id & np.isfinite(until_s), until_s, -np.inf)
+    forest.until_s[taken[got]] = np.where(has_id, until_s, -np.inf)
     forest = decide(forest, table, pruned, looked)
     of_any, owned, _ = shares(table, pruned, len(messages), first)
     new = np.where(owned > OWNED, 0.0, np.clip(1.0 - of_any, 0.0, 1.0))
@@ -127,6 +132,26 @@ def _heard(parts: Parts, rules: Sequential, leaves: Leaves, messages: Messages) 
     density = parts.existence.new_vessels_per_m2 * (1.0 - rules.silent_share)
     ratio = log_likelihood - log_density_of_velocity(parts, messages)[message] - math.log(density)
     return Heard(leaf, message, Filters(*updated), predicted, ratio)
+
+
+def _give_up_names(rules: Sequential, table: Table, leaves: Leaves, heard: Heard, messages: Messages) -> None:
+    """Take an MMSI from trees that have not heard it lately, when its message is in a gate of another tree with plots. In place.
+
+    They had the plots of another vessel since its last message. As an MMSI is a resource, the other tree could not have it.
+    """
+    slot, mmsi = leaves.slot[heard.leaf], messages.mmsi[heard.message]
+    with_plots = np.flatnonzero(np.isfinite(table.radar_s[slot]).any(axis=1))
+    names, last = np.unique(mmsi[with_plots][::-1], return_index=True)
+    time_s = messages.time_s[heard.message[with_plots]][::-1][last]
+    at = row_of(names, leaves.mmsi)
+    late = np.flatnonzero((at >= 0) & (leaves.mmsi >= 0))
+    late = late[table.message_s[leaves.slot[late]] < time_s[at[late]] - rules.elsewhere_s]
+    late = late[~np.isin(leaves.slot[late] * MMSI_DIGITS + leaves.mmsi[late], slot * MMSI_DIGITS + mmsi)]
+    slots = np.unique(leaves.slot[late])
+    leaves.mmsi[late] = -1
+    table.ids[slots] = -1
+    table.id_probability[slots] = 0.0
+    begin_unnamed(rules, table, slots)
 
 
 def _children(
@@ -188,6 +213,15 @@ def _children(
     return children, new
 
 
+def _awaited_until_s(messages: Messages) -> Floats:
+    """The time up to which the vessel of each message (M) lives without plots; -inf where no interval is known.
+
+    A berthed vessel sends each three minutes: a track that waited so long without plots would take those of its neighbours.
+    """
+    until_s = messages.time_s + np.minimum(WAITS * messages.interval_s, LONGEST_WAIT_S)
+    return np.where(np.isfinite(until_s), until_s, -np.inf)
+
+
 def _begin(parts: Parts, rules: Sequential, memory: RadarMemory, messages: Messages, existence: Floats) -> RadarMemory:
     """A track for each message that is probably of a vessel without one. Args: existence: (M,)."""
     begun = np.flatnonzero(existence >= rules.begin_existence)
@@ -202,6 +236,5 @@ def _begin(parts: Parts, rules: Sequential, memory: RadarMemory, messages: Messa
     unnamed = slots[~is_vessel(messages.mmsi[begun])]
     table.ids[unnamed, 0], table.id_probability[unnamed, 1] = -1, 0.0
     forest = with_roots(forest, table, slots, first + begun)
-    until_s = messages.time_s[begun] + WAITS * messages.interval_s[begun]
-    forest.until_s[slots] = np.where(np.isfinite(until_s), until_s, -np.inf)
+    forest.until_s[slots] = _awaited_until_s(messages.take(begun))
     return replace(memory, forest=forest)
