@@ -94,7 +94,8 @@ def watch_vessels(
     way_m = np.hypot(*difference_m(now.position_deg, way_from_deg).T)
     period_s = np.maximum(waited_s, 1.0)
     jumped = way_m > settings.line_margin_m + FASTEST_M_S * period_s + SIGMAS * _sigma_m(now)
-    moved = (way_m >= settings.line_margin_m) & ~jumped
+    at_rest = fresh.speed_m_s <= SIGMAS * _sigma_m(now, 2)  # perhaps: then its position is where noise puts it
+    moved = (way_m >= settings.line_margin_m + np.where(at_rest, SIGMAS * _sigma_m(now), 0.0)) & ~jumped
     columns["way_from_deg"][moved | jumped] = now.position_deg[moved | jumped]
     row = Watched(**columns)
     row, dragging, lain_s, away_m = _anchored(settings, row, now, waited_s, time_s)
@@ -201,6 +202,6 @@ def _anchored(
     return row, dragging & ~left, lain_s, away_m
 
 
-def _sigma_m(now: Picture) -> Floats:
-    """Standard deviation of each position; 0 where it is not known. (R,)"""
-    return np.nan_to_num(np.sqrt(now.covariance[:, 0, 0] + now.covariance[:, 1, 1]))
+def _sigma_m(now: Picture, first: int = 0) -> Floats:
+    """Standard deviation of each position; 0 where it is not known. (R,) Args: first: 2: of each velocity, m/s."""
+    return np.nan_to_num(np.sqrt(now.covariance[:, first, first] + now.covariance[:, first + 1, first + 1]))

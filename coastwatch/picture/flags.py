@@ -97,7 +97,9 @@ def flag(
     no_ais, no_radar = now.has_radar & ~now.has_ais, now.has_ais & ~now.has_radar
     goes_on = ~now.has_ais & (no_ais | np.isfinite(_held_s(memory.no_ais_since_s, before)))
     no_ais_since_s = _since(ais_cover, picture, goes_on, goes_on, memory.no_ais_since_s, before, time_s, AIS_RETURNS_S)
-    new = np.flatnonzero((before < 0) & (no_ais_since_s == time_s))
+    was_shown = np.zeros(len(picture), np.bool_)
+    was_shown[row_of_track[match.first_vessel >= 0]] = True  # in another vessel, as one that has split from its AIS
+    new = np.flatnonzero((before < 0) & ~was_shown & (no_ais_since_s == time_s))
     if len(new):
         usual_s = _first_plot_s(tracks, radars, row_of_track, len(picture), time_s)[new] + settings.dark_unshown_s
         no_ais_since_s[new] = np.clip(usual_s, time_s - settings.dark_unshown_s, time_s)

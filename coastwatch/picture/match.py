@@ -119,7 +119,10 @@ def _match_returns(
 
 
 def _match_mmsi(settings: IdentitySettings, new: Picture, old: Picture, time_s: float) -> tuple[Ints, Ints]:
-    """Rows of new and old vessels with the same MMSI, near enough for a ship; of several old ones the last that was updated."""
+    """Rows of new and old vessels with the same MMSI, near enough for a ship; of several old ones the last that was updated.
+
+    Of several new ones, as of a ship and a clone of its MMSI, the nearest.
+    """
     order = np.lexsort((-old.updated_s, old.mmsi))
     mmsi, first = np.unique(old.mmsi[order], return_index=True)
     rows = np.flatnonzero((new.mmsi >= 0) & np.isin(new.mmsi, mmsi))
@@ -128,7 +131,8 @@ def _match_mmsi(settings: IdentitySettings, new: Picture, old: Picture, time_s: 
     distance_m = np.linalg.norm(difference_m(new.position_deg[rows], old.position_deg[candidates]), axis=1)
     reach_m = settings.max_speed_kn * KNOT_M_S * (silent_s + MMSI_SLACK_S)
     fits = (silent_s <= settings.return_s) & (distance_m <= reach_m)
-    rows, candidates = rows[fits], candidates[fits]
+    by_distance = np.flatnonzero(fits)[np.argsort(distance_m[fits], kind="stable")]
+    rows, candidates = rows[by_distance], candidates[by_distance]
     _, once = np.unique(candidates, return_index=True)
     return rows[once], candidates[once]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -267,6 +268,27 @@ def test_a_line_is_crossed_in_the_direction_that_counts(crossing: Any, vessels: 
     found = spans(play(RULES, scene, 40, (line,)), AlarmKind.LINE_CROSSED)
     assert {vessel for vessel, _ in found} == vessels
     assert all(len(times) == 1 for times in found.values())
+
+
+@pytest.mark.parametrize(("speed_kn", "crossings"), [(0.0, 0), (10.0, 1)])
+def test_what_rests_beside_a_line_does_not_cross_it_by_the_noise_of_its_position(speed_kn: float, crossings: int) -> None:
+    """A boat that radars alone see, 20 m beside it, whose position errs by 20 m per axis for a minute at a time; and one under way."""
+    ends = np.array([[0.0, -3000.0], [0.0, 3000.0]])
+    line = Zone(
+        name="bar", kind="line", points_deg=tuple(map(tuple, offset_deg(np.tile(SITE, (2, 1)), ends).tolist())), crossing="both"
+    )
+    rng, error = np.random.default_rng(3), np.zeros(2)
+    memory, last, begun = RULES.init(), set(), 0
+    for cycle in range(1200):
+        error = np.exp(-PERIOD_S / 60.0) * error + np.sqrt(1.0 - np.exp(-2.0 * PERIOD_S / 60.0)) * rng.normal(0.0, 20.0, 2)
+        east = -20.0 if speed_kn == 0.0 else speed_kn * KNOT_M_S * (PERIOD_S * cycle - 1800.0)
+        picture, members = picture_of(PERIOD_S * cycle, [{"id": 1, "at": (east + error[0], error[1]), "kn": (speed_kn, 0.0)}])
+        picture = replace(picture, covariance=np.diag([400.0, 400.0, 0.01, 0.01])[None])
+        given = AlarmInput(picture, members, PERIOD_S * cycle, sensors(), numbered((line,)))
+        memory, alarms = RULES.step(memory, given)
+        now = set(alarms.vessel_id[alarms.kind == AlarmKind.LINE_CROSSED].tolist())
+        begun, last = begun + len(now - last), now
+    assert begun == crossings
 
 
 def test_zones_that_make_no_sense_are_refused_with_their_key() -> None:

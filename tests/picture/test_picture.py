@@ -147,6 +147,14 @@ def test_a_far_return_with_the_same_mmsi_is_another_vessel():
     assert out[-1][0].vessel_id.tolist()[-1] == 2
 
 
+def test_of_a_ship_and_a_clone_that_return_together_the_nearer_has_the_id():
+    for ship, clone in ((0, 1), (1, 0)):
+        two = sorted([(77 + ship, 2, ship, 0.0, 235000001, 5), (77 + clone, 2, clone, 5000.0, 235000001, 6)])
+        picture, members = play([[AIS]] * 100 + [[]] * 100 + [two] * 3)[-1]
+        assert picture.vessel_id.tolist() == [1, 2]
+        assert members.vessel_id[members.track_id == 77 + ship].tolist() == [1]
+
+
 def test_a_vessel_joined_in_error_gets_its_id_back():
     stranger = (4, 2, 1, 400.0, 235000002, 6)
     script = [[RADAR, stranger]] * 3 + [[RADAR, (4, 2, 0, 400.0, 235000002, 6)]] * 2 + [[RADAR, stranger]] * 3
@@ -277,6 +285,12 @@ def test_the_time_without_ais_goes_on_while_radar_loses_a_vessel(seen, lost):
 def test_what_a_slow_radar_shows_late_is_dark_sooner(shown, wait):
     """Tracks began in cycle 0. What is beyond 30 s until one is shown counts, up to 30 s of the 60 s without AIS."""
     assert cycles_with(play([[]] * shown + [[RADAR]] * 25), Flag.DARK)[0] == shown + wait
+
+
+def test_a_radar_track_that_splits_from_its_ais_was_shown_all_the_time():
+    """So it has no head start, as one has that a slow radar shows late: the association may fail for half a minute."""
+    apart = (3, 2, 1, 40.0, 235000001, 5)
+    assert cycles_with(play([[RADAR, AIS]] * 100 + [[RADAR, apart]] * 25), Flag.DARK)[0] == 120
 
 
 def test_a_dark_vessel_is_shown_for_longer_without_radar():

@@ -8,6 +8,7 @@ from ais_world import HOME, PERIOD_S, SENSORS, START_S, reports, run, sail
 
 from coastwatch.batches import PositionAccuracy
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
+from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import AisInput
 from coastwatch.tracks.ais.ais_filter import AisFilter
 
@@ -193,3 +194,29 @@ def test_an_accurate_report_weighs_more():
     _, outputs = step_all(AisFilter(), made, 20)
     moved = [np.hypot(*difference_m(end, outputs[-1][0].position_deg[0])) for end in ends]
     assert moved[0] > 10.0 * moved[1]
+
+
+def test_a_feed_that_is_always_late_keeps_its_vessels_and_loses_those_that_fall_silent():
+    """An aggregator that gives each report 90 s after its fix: patience under way is 50 s. A vessel is lost 50 s after its last one."""
+    times, late_s = START_S + np.arange(1.0, 400.0, 10.0), np.full(40, 90.0)
+    rows = [r for i in range(5) for r in sail(235000001 + i, times + 0.7 * i, HOME + [0.02 * i, 0.0], delay=late_s)]
+    outputs = []
+    memory, *_ = run(AisFilter(), rows, 160, outputs=outputs)
+    assert memory.refused == {}
+    assert {len(tracks) for tracks, _ in outputs[50:160]} == {5}
+    half, *_ = run(AisFilter(), rows, 80)
+    memory, last, _ = run(AisFilter(), rows, 110, load(save(half)), first=80)
+    assert len(last) == 0  # 570 s: the last report, of 391 s, came at 481 s
+    assert len(memory.delays) == 5
+    memory, *_ = run(AisFilter(), rows, 1160, memory, first=190)
+    assert len(memory.delays) == 0  # they are forgotten
+
+
+def test_one_report_in_time_ends_the_patience_with_a_late_feed():
+    times = START_S + np.arange(1.0, 200.0, 10.0)
+    rows = sail(235000001, times, delay=[*np.full(19, 90.0), 0.5])
+    outputs = []
+    run(AisFilter(), rows, 100, outputs=outputs)
+    shown = [len(tracks) for tracks, _ in outputs]
+    assert shown[66] == 1
+    assert shown[84] == 0  # 255 s: 64 s after the last one, of 191 s; late ones that are older came meanwhile

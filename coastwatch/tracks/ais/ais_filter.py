@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal, Self
 
 import numpy as np
@@ -56,6 +57,7 @@ class AisFilter(Method):
     - A report that implies an impossible speed opens a second, tentative track of its MMSI. The next report that fits confirms it.
     - A report is flagged as of an impossible speed too if its vessel could not have come there by the speeds that it said before
       and after a silence: another sender may have taken its MMSI. It stays in the track.
+    - A vessel whose newest report was late is silent from its receipt on: a feed may be late by a minute all the time.
     - A silent vessel is predicted for `patience_s` + `patience_intervals` times its expected interval, the longer of the nominal
       and the learned one. A vessel that reports again within `return_s` keeps its track id.
     """
@@ -131,7 +133,11 @@ class AisFilter(Method):
             tracks = tracks.copy()
             tracks["number"][nameless] = np.arange(memory.counter, counter)
         memory = end_cycle(memory, fresh, tracks, counter, time_s, self.lateness_s)
-        live = np.flatnonzero((tracks["confirmed"] == 1) & (time_s - tracks["updated"] <= tracks["patience"]))
+        memory = replace(memory, delays=memory.delays.after(reports, tracks, time_s, self.lateness_s))
+        silent_s = time_s - tracks["updated"]
+        if len(memory.delays):
+            silent_s -= memory.delays.of(tracks["mmsi"])
+        live = np.flatnonzero((tracks["confirmed"] == 1) & (silent_s <= tracks["patience"]))
         return memory, live, believed[believed["time"] > before_s - self.lateness_s]
 
     def kernel_settings(self) -> KernelSettings:

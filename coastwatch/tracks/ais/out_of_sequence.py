@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import AisReports, Bools, Floats, Ints
+from coastwatch.batches import AisReports, Batch, Bools, Floats, Ints, column
 from coastwatch.batches.ais_codes import LARGEST_MMSI
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.arrays import Records
@@ -52,6 +52,32 @@ class Snapshot:
 
 
 @dataclass(frozen=True, eq=False)
+class Delays(Batch):
+    """Vessels whose newest report came later than `lateness_s`: its feed may be late by as much all the time."""
+
+    mmsi: Ints = column(np.int64, "K")  # ascending
+    delay_s: Floats = column(np.float64, "K")  # from the fix to its receipt
+
+    def of(self, mmsi: Ints) -> Floats:
+        """The delay of each of these vessels, 0 where it is not late."""
+        return np.append(self.delay_s, 0.0)[find(self.mmsi, mmsi)]
+
+    def after(self, reports: AisReports, tracks: Rows, time_s: float, lateness_s: float) -> Delays:
+        """The delays after the reports of a cycle. Args: tracks: after these reports."""
+        delay_s = _received_s(reports, time_s) - reports.time_s
+        if not len(self) and not (delay_s > lateness_s).any():
+            return self
+        newest = reports.time_s == _newest_report_s(tracks, reports.mmsi)
+        mmsi, delay_s = reports.mmsi[newest], delay_s[newest]
+        order = np.lexsort((delay_s, mmsi))
+        mmsi, first = np.unique(mmsi[order], return_index=True)
+        now = Delays(mmsi, delay_s[order[first]])
+        kept = (find(mmsi, self.mmsi) < 0) & (find(np.unique(tracks["mmsi"]), self.mmsi) >= 0)
+        every = Delays.join([now.take(now.delay_s > lateness_s), self.take(kept)])
+        return every.take(np.argsort(every.mmsi))
+
+
+@dataclass(frozen=True, eq=False)
 class Memory:
     """The tracks of all vessels, with the snapshots and the log that a replay of late reports needs."""
 
@@ -64,6 +90,7 @@ class Memory:
     counter: int  # tracks numbered so far
     refused: dict[str, int]
     clocks: FeedClocks
+    delays: Delays = Delays.empty()
 
 
 def initial_memory() -> Memory:
@@ -129,9 +156,8 @@ def admit(
     Returns: those to take now, sorted by `in_order`; the memory with the others held, or counted as refused.
     """
     rows = records(reports, settings, memory.clocks.sigma_s())
-    received = np.where(np.isfinite(reports.received_s), np.minimum(reports.received_s, time_s), time_s)
     lat, lon, time = rows["lat"], rows["lon"], rows["time"]
-    delay = np.where(np.isfinite(time), received - time, 0.0)
+    delay = np.where(np.isfinite(time), _received_s(reports, time_s) - time, 0.0)
     late = (delay > lateness_s) | (time <= memory.old.time_s)
     some = np.flatnonzero(late)
     late[some] = (delay[some] > oldest_s) | (time[some] <= _newest_report_s(memory.now.tracks, rows["mmsi"][some]))
@@ -153,6 +179,11 @@ def admit(
     fresh = rows[~_is_duplicate(memory, rows)]
     _count(refused, "duplicate", len(rows) - len(fresh))
     return fresh, replace(memory, held=held, refused=refused)
+
+
+def _received_s(reports: AisReports, time_s: float) -> Floats:
+    """When each report was received, not later than now; now where it does not say. (M,)"""
+    return np.where(np.isfinite(reports.received_s), np.minimum(reports.received_s, time_s), time_s)
 
 
 def _count(refused: dict[str, int], kind: str, count: int) -> None:
