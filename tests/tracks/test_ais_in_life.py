@@ -199,7 +199,7 @@ def test_an_accurate_report_weighs_more():
 def test_a_feed_that_is_always_late_keeps_its_vessels_and_loses_those_that_fall_silent():
     """An aggregator that gives each report 90 s after its fix: patience under way is 50 s. A vessel is lost 50 s after its last one."""
     times, late_s = START_S + np.arange(1.0, 400.0, 10.0), np.full(40, 90.0)
-    rows = [r for i in range(5) for r in sail(235000001 + i, times + 0.7 * i, HOME + [0.02 * i, 0.0], delay=late_s)]
+    rows = [r for i in range(5) for r in sail(235000001 + i, times + 0.7 * i, HOME + np.array([0.02 * i, 0.0]), delay=late_s)]
     outputs = []
     memory, *_ = run(AisFilter(), rows, 160, outputs=outputs)
     assert memory.refused == {}
