@@ -30,6 +30,8 @@ class VideoState:
     has_time_of_day: bool = True  # whether the newest message has a time of day
     untimed_s: float = math.nan  # Unix time of its first message in use without a time of day; NaN: all had one
     clock_stuck: bool = False  # whether its time of day does not advance; the time of arrival is in use then
+    ahead_s: float = 0.0  # by which all stamps of the last turn were ahead of their arrival, at least; negative: behind
+    counter_clockwise: bool = False  # whether its azimuths go down from spoke to spoke
     heard_s: float = -math.inf  # Unix time of the newest message in use; before one, of the first message
     text: str = ""  # of its newest summary
     senders: tuple[str, str] | None = None  # of one SAC and SIC: the one in use, the other one; None: one sends

@@ -12,12 +12,15 @@ import numpy as np
 from coastwatch.batches import COVER_RANGES, Floats, RadarCover, Sensors
 from coastwatch.centre import Cycle
 from coastwatch.formats.video_state import VideoState
+from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.server.link import FeedState, RadarState
 from coastwatch.store import VIDEO_VALUES
 
 WITHIN_S = 60.0  # losses, and plots, of so long count
 STOPPED_TURNS, STOPPED_S = 3.0, 10.0  # without a message, the larger one: the video has stopped
 LOST_SHARE, LEAST_LOST = 0.01, 20  # of the spokes of a minute, and so many, are a trouble
+AHEAD_S = 2.0  # a spoke cannot come before it was sent
+OTHER_TURN, SHORT_RANGE, LONG_RANGE = 0.1, 0.7, 1.5  # the turn, or the range, is another one than in the scenario
 SECOND_SHOWN_S = 60.0  # for how long after it a second sender is shown
 
 UNTIMED_SHOWN_S = 600.0  # for how long it is said, once, that a radar sends no time of day, which it may
@@ -90,6 +93,10 @@ def _troubles(s: VideoState, silent_s: float, counts: tuple[int, int], now_s: fl
         sentences.append(f"{lost} of {spokes + lost} spokes of the last minute were lost, or a part of them")
     if s.clock_stuck:
         sentences.append("its time of day does not go on: the time of arrival is taken")
+    if s.ahead_s >= AHEAD_S and s.has_time_of_day and not s.clock_stuck:
+        sentences.append(f"its clock is {s.ahead_s:.0f} s ahead: its vessels lie where they were so long ago, beside their AIS")
+    if s.counter_clockwise:
+        sentences.append("its azimuths go counter-clockwise, which is not supported: it must count clockwise from north")
     if not s.has_time_of_day and now_s - s.untimed_s < UNTIMED_SHOWN_S:
         sentences.append("it sends no time of day: the time of arrival is taken")
     if s.senders is not None and now_s - s.second_s < SECOND_SHOWN_S:
@@ -112,18 +119,21 @@ class PlotsOfVideo:
 
     def __init__(self) -> None:
         self._cycles: dict[str, deque[tuple[float, int]]] = {}  # by radar, of the last minute: time of the cycle, and plots
-        self._turn_s: dict[str, float] = {}
+        self._time_s = -math.inf  # of the newest cycle
+        self._stated: dict[str, tuple[float, float]] = {}  # by radar: seconds of a turn and range in m, as in the scenario
         self._threshold_db: dict[str, float] = {}
         self._cover: tuple[RadarCover, list[str]] | None = None  # and the names of its radars
 
     def note(self, cycle: Cycle, sensors: Sensors) -> None:
         """Note what was made of a cycle."""
         found, radars = cycle.extractions, sensors.radars
+        self._time_s = cycle.time_s
         for radar, plots, threshold_db in zip(
             found.radar.tolist(), found.plots.tolist(), found.threshold_db.tolist(), strict=True
         ):
             name = str(radars.name[radar])
-            self._threshold_db[name], self._turn_s[name] = threshold_db, float(radars.period_s[radar])
+            self._threshold_db[name] = threshold_db
+            self._stated[name] = float(radars.period_s[radar]), float(radars.range_m[radar])
             cycles = self._cycles.setdefault(name, deque())
             cycles.append((cycle.time_s, plots))
             while cycles[0][0] < cycle.time_s - WITHIN_S:
@@ -139,7 +149,19 @@ class PlotsOfVideo:
                 radar["plots_a_turn"], radar["threshold_db"] = made.get("plots_a_turn"), made.get("threshold_db")
                 radar["detection_probability"] = made.get("detection_probability")
                 radar["false_plots_a_turn"] = made.get("false_plots_a_turn")
+                radar["troubles"] += self._other_than_stated(radar)
         return feeds
+
+    def _other_than_stated(self, radar: RadarState) -> list[str]:
+        """What is not as the scenario says: trackers take its turn for that of the radar, and its range for what radars see."""
+        stated_s, stated_m = self._stated.get(radar["name"], (math.nan, math.nan))
+        turn_s, range_m, sentences = radar["turn_s"] or math.nan, radar["range_m"] or math.nan, []
+        if abs(turn_s - stated_s) > OTHER_TURN * stated_s:
+            sentences.append(f"it turns in {turn_s:.2f} s, the scenario says {stated_s:.2f} s: set rpm = {60.0 / turn_s:.1f}")
+        if not SHORT_RANGE * stated_m <= range_m <= LONG_RANGE * stated_m and math.isfinite(range_m + stated_m):
+            range_nm, stated_nm = range_m / NAUTICAL_MILE_M, stated_m / NAUTICAL_MILE_M
+            sentences.append(f"its video reaches {range_nm:.1f} nm, the scenario says range_nm = {stated_nm:.1f}")
+        return sentences
 
     def stored(self, feeds: Sequence[FeedState], sensors: Sensors) -> Floats:
         """What is stored of each radar, (R, 9) in the order of `store.VIDEO_VALUES`, NaN: not known; no rows: no radar sends video.
@@ -158,11 +180,13 @@ class PlotsOfVideo:
         return values
 
     def _made(self, name: str, turn_s: float | None) -> Made:
-        """What is made of the video of a radar; empty: nothing yet. Args: turn_s: measured."""
+        """What is made of the video of a radar; empty: nothing yet, or no more. Args: turn_s: measured."""
         cycles = list(self._cycles.get(name, ()))
         if len(cycles) < 2:
             return {}
-        turn_s = turn_s or self._turn_s[name]
+        turn_s = turn_s or self._stated[name][0]
+        if self._time_s - cycles[-1][0] > max(STOPPED_S, STOPPED_TURNS * turn_s):
+            return {}
         span_s = cycles[-1][0] - cycles[0][0]
         made: Made = {
             "plots_a_turn": round(sum(plots for _, plots in cycles[1:]) * turn_s / span_s, 1) if span_s > 0.0 else None,

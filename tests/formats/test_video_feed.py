@@ -258,6 +258,53 @@ def test_after_a_pause_the_times_are_those_of_the_beam():
     assert made.counts.radars["north"].period_s == pytest.approx(PERIOD_S, abs=0.01)
 
 
+@pytest.mark.parametrize("back_s", [10.0, 30.0, 3600.0])
+def test_a_clock_that_is_set_back_gives_the_new_times_at_once(back_s):
+    """In the middle of the third turn: it was said to stand, and all spokes had one time until the clock had caught up."""
+    every = [
+        m._replace(time_of_day_s=m.time_of_day_s - back_s * (row >= 2.5 * SPOKES)) for row, m in enumerate(messages(turns=6))
+    ]
+    made = decoder()
+    spokes = video(made, arrivals(every, late_s=0.0))
+    time_s, azimuth = (np.concatenate([getattr(one, name) for one in spokes]) for name in ("time_s", "azimuth_rad"))
+    wanted = START_S + np.unwrap(azimuth) / (2.0 * np.pi) * PERIOD_S - back_s * (np.arange(len(azimuth)) >= 2.5 * SPOKES)
+    assert len(time_s) == 6 * SPOKES
+    assert np.abs(time_s - wanted).max() < 3.0 * STAMP_S
+    state = made.counts.radars["north"]
+    assert not state.clock_stuck
+    assert state.period_s == pytest.approx(PERIOD_S, abs=0.01)
+
+
+def test_a_slow_radar_that_blanks_a_wide_sector_has_turns():
+    """Two hundred degrees of 360, for longer than a fast radar pauses."""
+    slow = round(5.0 / PERIOD_S)
+    kept = [m for row, m in enumerate(messages(turns=5)) if not 0.25 <= row % SPOKES / SPOKES < 0.8]
+    every = [
+        m._replace(number=k, time_of_day_s=(m.time_of_day_s - START_S % 86400.0) * slow + 3600.0) for k, m in enumerate(kept)
+    ]
+    first_s = START_S - START_S % 86400.0 + 3600.0
+    items = [(first_s + (at_s - START_S) * slow, data, n) for at_s, data, n in arrivals(every, late_s=0.0)]
+    made = decoder()
+    video(made, items)
+    assert made.counts.radars["north"].turns >= 2
+    assert made.counts.radars["north"].period_s == pytest.approx(slow * PERIOD_S, rel=0.02)
+
+
+def test_a_radar_that_turns_counter_clockwise_is_noticed():
+    for sign in (1, -1):
+        every = [m._replace(start=sign * m.start % 65536, end=sign * m.end % 65536) for m in messages(turns=4)]
+        made = decoder()
+        video(made, arrivals(every))
+        assert made.counts.radars["north"].counter_clockwise == (sign < 0)
+
+
+def test_a_clock_ahead_of_the_arrivals_is_known_after_a_turn():
+    every = [m._replace(time_of_day_s=m.time_of_day_s + 40.0) for m in messages(turns=3)]
+    made = decoder()
+    video(made, arrivals(every, late_s=0.2))
+    assert made.counts.radars["north"].ahead_s == pytest.approx(39.8, abs=0.05)
+
+
 def test_a_spoke_far_out_does_not_make_all_of_them_as_long():
     found = list(messages(turns=1))
     found[100] = found[100]._replace(first_cell=70_000, duration_fs=1_000_000)

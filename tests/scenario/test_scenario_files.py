@@ -90,6 +90,11 @@ WRONG = {
     "method of the input": (replaced('method = "simulated"', 'method = "psychic"'), "input.method", "'psychic', needed one of"),
     "no input": (replaced('method = "simulated"\n', ""), "input", "method"),
     "two of a name": (replaced('"radar-2"', '"radar-1"'), "radars", "got the name 'radar-1' 2 times, needed each once"),
+    "a guard as wide as its window": (
+        added('\n[extraction]\nmethod = "cfar"\nguard_deg = 6.0\n'),
+        "extraction",
+        "guard_deg: got 6.0, needed less than window_deg (5.7)",
+    ),
     "radars with a wrong sign": (
         replaced("longitude_deg = -43.205450", "longitude_deg = 43.205450"),
         "radars",

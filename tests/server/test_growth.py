@@ -145,6 +145,26 @@ def test_the_log_remembers_what_is_wrong_now_and_no_more() -> None:
     assert (len(watch._troubles), len(watch._errors), len(watch._connected)) == (1, 1, 1)
 
 
+def test_each_trouble_of_a_feed_is_logged_and_once_while_its_numbers_alone_change(caplog: pytest.LogCaptureFixture) -> None:
+    said: list[Trouble] = []
+    source = SimpleNamespace(error=lambda: None, counts=dict)
+    watch = Watch(SimpleNamespace(source=source, feeds=list, troubles=lambda: said))  # type: ignore[arg-type]
+    caplog.set_level("INFO", "coastwatch.serve")
+    texts = (
+        ["its clock is 3,600 s ahead"],
+        ["its clock is 3601.5 s ahead"],
+        ["its clock is 12 s behind", "8 of 9 reports thrown away"],
+        [],
+    )
+    for some in texts:
+        said[:] = [Trouble("feed", "north", None, text, False) for text in some]
+        watch.look()
+    logged = [record.getMessage() for record in caplog.records]
+    assert logged[0] == texts[0][0]
+    assert sorted(logged[1:3]) == sorted(texts[2])
+    assert logged[3:] == ["trouble is over"]
+
+
 def fails_first(then: Callable[..., Any]) -> tuple[Callable[..., Any], list[int]]:
     """A function that raises what nobody expects at its first two calls. Returns: it, and its calls."""
     calls: list[int] = []

@@ -13,7 +13,7 @@ from video_world import sensors
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Extractions, RadarCover
 from coastwatch.formats.video_state import VideoState
 from coastwatch.operators.api.metrics import Metrics
-from coastwatch.server.link import Link
+from coastwatch.server.link import Link, RadarState
 from coastwatch.server.troubles import Trouble, of_feeds
 from coastwatch.server.video_health import PlotsOfVideo, VideoHealth
 from coastwatch.store import VIDEO_VALUES
@@ -72,6 +72,48 @@ def test_video_without_time_of_day_is_said_once_for_some_minutes():
     assert troubles(replace(untimed, has_time_of_day=True)) == []  # it came back
     assert troubles(replace(untimed, untimed_s=NOW_S - 601.0)) == []
     assert not VideoHealth({"north": untimed}).states(NOW_S)[0]["time_of_day"]
+
+
+def test_a_clock_ahead_and_azimuths_that_go_down_are_said():
+    assert troubles(state(ahead_s=1.9)) == []
+    assert troubles(state(ahead_s=40.0)) == [
+        "its clock is 40 s ahead: its vessels lie where they were so long ago, beside their AIS"
+    ]
+    assert troubles(state(ahead_s=40.0, clock_stuck=True)) == ["its time of day does not go on: the time of arrival is taken"]
+    (said,) = troubles(state(counter_clockwise=True))
+    assert said.startswith("its azimuths go counter-clockwise")
+
+
+def of_a_run(cycles: int, **fields) -> tuple[PlotsOfVideo, RadarState]:
+    """What is made of so many cycles with video, and then of ten without, and the state of the radar."""
+    plots, none = PlotsOfVideo(), Extractions.empty()
+    for cycle in range(cycles + 10):
+        found = Extractions(np.array([0]), np.array([8]), np.array([9.5])) if cycle < cycles else none
+        given = SimpleNamespace(time_s=NOW_S + 3.0 * cycle, extractions=found, radar_cover=RadarCover.empty())
+        plots.note(given, sensors())
+        if cycle == cycles - 1:
+            feed = Link().as_feed("x", radars=VideoHealth({"north": state(**fields)}).states(NOW_S))
+            (before,) = plots.added_to([feed])[0]["radars"]
+    return plots, before
+
+
+def test_a_turn_or_a_range_that_is_not_that_of_the_scenario_is_said():
+    one = sensors().radars
+    range_m, turn_s = float(one.range_m[0]), float(one.period_s[0])
+    as_stated = {"period_s": turn_s, "first_m": 0.0, "cell_m": range_m / 100.0}
+    assert of_a_run(5, **as_stated)[1]["troubles"] == []
+    (said,) = of_a_run(5, **as_stated | {"period_s": 2.0 * turn_s})[1]["troubles"]
+    assert said == f"it turns in {2.0 * turn_s:.2f} s, the scenario says {turn_s:.2f} s: set rpm = {30.0 / turn_s:.1f}"
+    (said,) = of_a_run(5, **as_stated | {"cell_m": range_m / 200.0})[1]["troubles"]
+    assert said == f"its video reaches {range_m / 3704.0:.1f} nm, the scenario says range_nm = {range_m / 1852.0:.1f}"
+
+
+def test_what_was_made_of_video_is_not_known_any_more_once_it_has_stopped():
+    plots, before = of_a_run(5)
+    assert (before["plots_a_turn"], before["threshold_db"]) == (pytest.approx(8 / 3.0 * 2.4, abs=0.05), 9.5)
+    feed = Link().as_feed("x", radars=VideoHealth({"north": state()}).states(NOW_S))
+    (after,) = plots.added_to([feed])[0]["radars"]
+    assert (after["plots_a_turn"], after["threshold_db"]) == (None, None)
 
 
 def test_troubles_of_radars_are_among_those_of_the_server():

@@ -16,6 +16,8 @@ STUCK_CLOCK_RATE = 0.5  # seconds of the clock of the radar in a second of arriv
 OUTLIER_S = 0.1  # distance of a point from the line, s, above which it is an outlier
 MOST_OUTLIERS = 8  # outliers in a row after which a new line begins with them
 PAUSE_S = 1.5  # from spoke to spoke, above which a new line begins; more than the tick of a clock of whole seconds
+PAUSE_TURNS = 0.9  # a pause that is shorter, as where a sector is not sent, hides no turn
+SET_BACK_S = 2.0  # by which a stamp is before the last one, where the clock of the radar was set back
 
 TIME, ARRIVED = 1, 2  # columns of a point
 
@@ -33,7 +35,7 @@ class BeamTime:
         self._count, self._angle, self._time, self._arrived = 0, 0.0, 0.0, 0.0  # spokes, and sums relative to the first
         self._newest_s = -math.inf
         self._before_s = (math.nan, math.nan)  # stamp and arrival of the spoke before
-        self.paused = False  # whether the newest spoke came after a pause
+        self.paused = False  # whether the newest spoke came after a pause, or the clock of the radar was set back before it
 
     def time_s(self, angle: int, time_s: float, arrived_s: float) -> float:
         """When the beam was there. It falls only where the clock of the radar was set back.
@@ -41,12 +43,16 @@ class BeamTime:
         Args: angle: FULL_TURN a turn, growing from turn to turn; time_s: as stamped, or of arrival; arrived_s: NaN: not known.
         """
         sector, given_s, before_s = angle // SECTOR, (time_s, arrived_s), self._before_s
-        self.paused = given_s[self.clock_stuck] - before_s[self.clock_stuck] > PAUSE_S
+        step_s = given_s[self.clock_stuck] - before_s[self.clock_stuck]
+        set_back = step_s < -SET_BACK_S
+        self.paused = set_back or step_s > max(PAUSE_S, PAUSE_TURNS * FULL_TURN * self._line[2] if self._line else 0.0)
         self._before_s = given_s
         if self.paused:
             self._line, self._sector, self._count = None, -math.inf, 0
             self._points.clear()
             self._outliers.clear()
+        if set_back:
+            self._newest_s = -math.inf
         if sector > self._sector:
             if self._count:
                 self._close()

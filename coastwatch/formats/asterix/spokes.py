@@ -27,6 +27,10 @@ REORDERED = 64  # a message that is so much before the newest came late
 MOST_PARTS = 256  # of a spoke: each new one is compared to all of them
 SHRUNK = 8  # whole spokes in a row with fewer cells than those before: a new range scale
 STEP_SHARE = 2.0  # a message that says it is wider than so many steps says nothing
+BACKWARD_SPOKES, BACKWARD_SHARE = (
+    256.0,
+    0.9,
+)  # in the mean over so many spokes, so many step back: azimuths go counter-clockwise
 
 
 class Spoke(NamedTuple):
@@ -57,6 +61,8 @@ class SpokeJoiner:
         self._counts = True  # whether the radar counts its messages
         self._start, self._angle = -1, 0  # of the newest spoke; its azimuth, growing from turn to turn
         self._step = 0.0  # usual, between spokes
+        self._backward = 0.0  # share of the newest spokes that step back
+        self._ahead_s = math.inf  # least time by which stamps of this turn are ahead of their arrival
         self._longer = (0, 0)  # gaps in a row that are as long as each other; the newest
         self._turn, self._turn_s, self._turn_spokes = -1, math.nan, 0  # this turn: number, when it began, spokes that came
         self._spokes: list[Spoke] = []
@@ -131,6 +137,8 @@ class SpokeJoiner:
         state, forward = self.state, (message.start - self._start) % FULL_TURN if self._start >= 0 else 0
         if forward > FULL_TURN - BACK:
             forward -= FULL_TURN
+        self._backward += ((forward < 0) - self._backward) / BACKWARD_SPOKES
+        state.counter_clockwise = self._backward > BACKWARD_SHARE
         steps = round(forward / self._step) - 1 if self._step else 0
         if lost:
             in_a_turn = state.parts > 1 and self._step and lost * self._step < state.parts * FULL_TURN
@@ -149,6 +157,7 @@ class SpokeJoiner:
         self._open, self._held, self._has_gap = [message], len(message.level), lost > 0
         self._open_s = self._beam.time_s(self._angle, time_s, arrived_s)
         state.clock_stuck = self._beam.clock_stuck
+        self._ahead_s = min(self._ahead_s, time_s - arrived_s)  # NaN, where it is not known, is never less
         if self._beam.paused:
             self._turn_s = math.nan  # turns are missing
         turn = self._angle // FULL_TURN
@@ -157,7 +166,8 @@ class SpokeJoiner:
                 state.turns += 1
                 state.period_s, state.spokes_a_turn = self._open_s - self._turn_s, self._turn_spokes
             self._turn_s = math.nan if self._turn < 0 or self._beam.paused else self._open_s  # the first turn is not whole
-            self._turn, self._turn_spokes = turn, 0
+            state.ahead_s = self._ahead_s if math.isfinite(self._ahead_s) else 0.0
+            self._turn, self._turn_spokes, self._ahead_s = turn, 0, math.inf
         self._turn_spokes += 1
 
     def _close(self, lost: bool) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import sys
 import threading
 from collections.abc import Mapping
@@ -14,6 +15,7 @@ from coastwatch.operators.api.service import Service
 
 LOG = logging.getLogger("coastwatch.serve")
 POLL_S = 1.0
+NUMBER = re.compile(r"\d[\d,.]*")  # a text whose numbers alone change is said once
 
 
 class _Lines(logging.Formatter):
@@ -64,7 +66,7 @@ class Watch:
         self._began = False  # pictures have come
         self._connected: dict[str, bool] = {}
         self._errors: dict[str, str] = {}  # the last one of each feed
-        self._troubles: set[tuple[str, str]] = set()  # kind and name of those of the last look
+        self._troubles: set[tuple[str, str, str]] = set()  # kind, name and words of those of the last look
         self._late = 0.0
         self._thread = threading.Thread(target=self._watch, name="log", daemon=True)
 
@@ -101,10 +103,10 @@ class Watch:
             if refusal and self._errors.get(name) != refusal:
                 self._errors[name] = refusal
                 LOG.warning(refusal, extra={"fields": {"feed": name}})
-        troubles = {(trouble.kind, trouble.name): trouble for trouble in self._service.troubles()}
-        for key in troubles.keys() - self._troubles:
-            LOG.warning(troubles[key].text, extra={"fields": {"trouble": key[0], **({"name": key[1]} if key[1] else {})}})
-        for kind, name in self._troubles - troubles.keys():
+        troubles = {(t.kind, t.name, NUMBER.sub("", t.text)): t.text for t in self._service.troubles()}
+        for kind, name, words in troubles.keys() - self._troubles:
+            LOG.warning(troubles[kind, name, words], extra={"fields": {"trouble": kind, **({"name": name} if name else {})}})
+        for kind, name in {key[:2] for key in self._troubles} - {key[:2] for key in troubles}:
             LOG.info("trouble is over", extra={"fields": {"trouble": kind, **({"name": name} if name else {})}})
         self._troubles = set(troubles)
         counts = source.counts()

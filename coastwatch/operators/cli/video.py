@@ -120,7 +120,7 @@ def _surveyed(items: Iterable[Item], tally: Tally) -> tuple[dict[tuple[int, int]
                 radars[key] = _Radar(SpokeJoiner(0, np.zeros(2), VideoState(f"{key[0]}/{key[1]}", *key)))
             radar, of_day_s = radars[key], message.time_of_day_s
             radar.joiner.state.has_time_of_day = of_day_s == of_day_s
-            known_s = arrived_s if arrived_s == arrived_s else (of_day_s if of_day_s == of_day_s else 0.0)
+            known_s = of_day_s if of_day_s == of_day_s else (arrived_s if arrived_s == arrived_s else 0.0)
             radar.joiner.add(message, known_s, arrived_s)
         if number % 256 == 0:
             for each in radars.values():

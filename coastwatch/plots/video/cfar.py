@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from coastwatch import kernels
 from coastwatch.batches import Extractions, RadarReports, RadarVideo
@@ -44,6 +45,12 @@ class CfarExtraction(Method):
     guard_m: Positive = 87.0  # half size in range
     least_cells: Count = 4  # whole number of cells; an echo of fewer is no plot
     masks: Masks = Masks()  # where nothing is looked for
+
+    @model_validator(mode="after")
+    def _window_is_wider_than_its_guard(self) -> Self:
+        if self.guard_deg >= self.window_deg:
+            raise ValueError(f"guard_deg: got {self.guard_deg}, needed less than window_deg ({self.window_deg})")
+        return self
 
     def init(self) -> ExtractionMemory:
         """The memory before the first cycle."""
