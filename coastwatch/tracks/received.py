@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -32,6 +32,9 @@ INTERVALS = 2.5  # of a track's own, until it is dropped
 SHORTEST_STEP_S = 1.0  # between two positions that give a velocity
 KEPT = 256  # newest differences to AIS partners of a source
 MEDIAN_OF_SQUARE = 2.0 * np.log(2.0)  # of the squared length of two normal errors of variance 1
+SIGMAS_MADE = 6.0  # of one position, in the velocity between two, over the time between them: three standard deviations
+INTERVAL_GAIN = 0.1  # of a cycle, in the interval of a source
+LOST_KEPT_S = 300.0  # for how long tracks that ended are known
 LEAST_SIGMA_M, LEAST_SIGMA_M_S = 1.0, 0.05
 
 
@@ -55,6 +58,7 @@ class ReceivedTable(Batch):
     echo_width_m: Floats = optional_column("N")
     echo_axis_deg: Floats = optional_column("N")
     alternative_m: Floats = optional_column("N")
+    made_over_s: Floats = optional_column("N")  # time between the two positions that the velocity is made of; NaN: it is given
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,14 +78,21 @@ class ReceivedMemory:
     next_track: int
     states: Ints  # (S,) of each source, so far
     dropped: Ints  # (S,) of them: stamp not finite, from the future, or before that of the state that is kept
+    lost: ReceivedTable = (
+        ReceivedTable.empty()
+    )  # tracks that ended lately: a state of one of them tells the interval of its source
+    interval_s: Floats = field(
+        default_factory=lambda: np.zeros(0)
+    )  # (S,) usual one between two states of a track; 0: not known
 
 
 class ReceivedTracks(Method):
     """The newest state of each track, with its own covariance.
 
     - A track keeps its id while its source sends its number. After its patience, or after a jump that no vessel makes, the number
-      is of another track.
-    - A track without velocity gets the one between its two newest positions, or over 1 s where they are nearer in time.
+      is of another track. The patience is 2.5 intervals of the track, or of its source, if that is longer than `patience_s`.
+    - A track without velocity gets the one between its two newest positions, or over 1 s where they are nearer in time. Its variance
+      is that of these positions, with which it goes together.
     - Tracks without covariance get one for the whole source: the median of their squared differences to AIS partners, less the
       variance of AIS. A partner is the nearest AIS track within `partner_m`, of which it is the nearest too, of similar velocity.
 
@@ -122,10 +133,15 @@ class ReceivedTracks(Method):
         states = states + np.bincount(reports.sensor, minlength=len(sources))
         dropped = dropped + np.bincount(refused, minlength=len(sources))
         table, fresh, next_track = self._updated(memory.table, newest, sources.position_sigma_m, memory.next_track)
-        alive = time_s - table.time_s <= np.maximum(sources.patience_s[table.sensor], INTERVALS * table.interval_s)
+        interval_s = _interval_s(memory, newest, len(sources))
+        usual_s = np.maximum(table.interval_s, interval_s[table.sensor])
+        alive = time_s - table.time_s <= np.maximum(sources.patience_s[table.sensor], INTERVALS * usual_s)
+        lost = ReceivedTable.join([memory.lost.take(_row_of(table, memory.lost) < 0), table.take(~alive)])
+        lost = lost.take(time_s - lost.time_s <= LOST_KEPT_S)
         table, fresh = table.take(alive), fresh[alive]
-        differences = self._compared(before, table.take(fresh), time_s, ais_tracks)
-        memory = ReceivedMemory(table, differences, next_track, states, dropped)
+        of_source = np.sqrt(self._variances(before, sources)[0])
+        differences = self._compared(before, table.take(fresh), time_s, ais_tracks, of_source)
+        memory = ReceivedMemory(table, differences, next_track, states, dropped, lost, interval_s)
         position_m2, velocity_m2_s2 = self._variances(differences, sources)
         return memory, self._tracks(table, position_m2[table.sensor], velocity_m2_s2[table.sensor], sensors)
 
@@ -165,12 +181,15 @@ class ReceivedTracks(Method):
         reach = self.max_speed_kn * KNOT_M_S * step_s + 8.0 * sigma_m[new.sensor]
         same = known & (np.hypot(moved[:, 0], moved[:, 1]) <= reach)
         base_time_s, base_position_deg, velocity = new.time_s.copy(), new.position_deg.copy(), np.full((len(new), 2), np.nan)
-        velocity[same] = table.velocity_m_s[row[same]]
+        velocity[same], made_over_s = table.velocity_m_s[row[same]], np.full(len(new), np.nan)
+        made_over_s[same] = table.made_over_s[row[same]]
         base_time_s[same], base_position_deg[same] = table.base_time_s[row[same]], table.base_position_deg[row[same]]
         due = np.flatnonzero(new.time_s - base_time_s >= SHORTEST_STEP_S)
         since_s = (new.time_s - base_time_s)[due, None]
         velocity[due] = difference_m(new.position_deg[due], base_position_deg[due]) / since_s
+        made_over_s[due] = since_s[:, 0]
         base_time_s[due], base_position_deg[due] = new.time_s[due], new.position_deg[due]
+        made_over_s[np.isfinite(new.velocity_m_s).all(axis=1)] = np.nan
         velocity = np.where(np.isfinite(new.velocity_m_s), new.velocity_m_s, velocity)
         track = np.full(len(new), -1, np.int64)
         track[same] = table.track[row[same]]
@@ -194,6 +213,7 @@ class ReceivedTracks(Method):
             echo_width_m=new.echo_width_m,
             echo_axis_deg=new.echo_axis_deg,
             alternative_m=new.alternative_m,
+            made_over_s=made_over_s,
         )
         kept = np.ones(len(table), np.bool_)
         kept[row[known]] = False
@@ -202,8 +222,13 @@ class ReceivedTracks(Method):
         order = np.lexsort((joined.number, joined.sensor))
         return joined.take(order), changed[order], next_track + int((~same).sum())
 
-    def _compared(self, before: Differences, fresh: ReceivedTable, time_s: float, ais: Tracks) -> Differences:
-        """The differences, with those of the fresh states without covariance to their AIS partners."""
+    def _compared(self, before: Differences, fresh: ReceivedTable, time_s: float, ais: Tracks, sigma_m: Floats) -> Differences:
+        """The differences, with those of the fresh states without covariance to their AIS partners.
+
+        A velocity that is made of positions is compared as uncertain as they make it, and says nothing of velocities that are given.
+        Then the partner goes back to the time of the state by its own velocity.
+        Args: sigma_m: (S,) standard deviation of positions, as known so far.
+        """
         without = ~np.isfinite(fresh.covariance).all(axis=(1, 2)) & np.isfinite(fresh.velocity_m_s).all(axis=1)
         fresh = fresh.take(np.flatnonzero(without))
         if not len(fresh) or not len(ais):
@@ -220,14 +245,17 @@ class ReceivedTracks(Method):
         rows = partner[mine]
         apart_m = difference_m(now_deg[mine], ais.position_deg[rows])
         apart_m_s = fresh.velocity_m_s[mine] - ais.velocity_m_s[rows]
-        alike = np.hypot(apart_m_s[:, 0], apart_m_s[:, 1]) <= self.partner_m_s
+        given = np.isnan(fresh.made_over_s[mine])
+        apart_m -= np.where(given, 0.0, time_s - fresh.time_s[mine])[:, None] * apart_m_s
+        made_m_s = np.nan_to_num(SIGMAS_MADE * sigma_m[fresh.sensor[mine]] / fresh.made_over_s[mine])
+        alike = np.hypot(apart_m_s[:, 0], apart_m_s[:, 1]) <= self.partner_m_s + made_m_s
         variance = np.nan_to_num(np.diagonal(ais.covariance[rows], axis1=1, axis2=2))
         position = (apart_m**2).sum(axis=1) - MEDIAN_OF_SQUARE * 0.5 * variance[:, :2].sum(axis=1)
         velocity = (apart_m_s**2).sum(axis=1) - MEDIAN_OF_SQUARE * 0.5 * variance[:, 2:].sum(axis=1)
         sensor = fresh.sensor[mine]
         return Differences(
             _appended(before.position_m2, sensor[alike], position[alike]),
-            _appended(before.velocity_m2_s2, sensor[alike], velocity[alike]),
+            _appended(before.velocity_m2_s2, sensor[alike & given], velocity[alike & given]),
         )
 
     def _tracks(self, table: ReceivedTable, position_m2: Floats, velocity_m2_s2: Floats, sensors: Sensors) -> Tracks:
@@ -242,6 +270,10 @@ class ReceivedTracks(Method):
         half = ~np.isfinite(covariance).all(axis=(1, 2))
         covariance[half, :2, 2:] = covariance[half, 2:, :2] = 0.0
         covariance[half, 2:, 2:] = made[half, 2:, 2:]
+        of_two = np.flatnonzero((half | unknown) & np.isfinite(table.made_over_s))
+        position, step_s = covariance[of_two, :2, :2], table.made_over_s[of_two, None, None]
+        covariance[of_two, :2, 2:] = covariance[of_two, 2:, :2] = position / step_s
+        covariance[of_two, 2:, 2:] = 2.0 * position / step_s**2 + LEAST_SIGMA_M_S**2 * np.eye(2)
         source = sensors.track_source(0) + table.sensor
         return Tracks(
             track_id=source * ID_STRIDE + table.track,
@@ -262,6 +294,19 @@ class ReceivedTracks(Method):
         )
 
 
+def _interval_s(memory: ReceivedMemory, newest: TrackReports, count: int) -> Floats:
+    """The usual interval of each source after these states, also of tracks that have ended between two of them. (S,)"""
+    out = memory.interval_s.copy() if len(memory.interval_s) == count else np.zeros(count)
+    every = ReceivedTable.join([memory.table, memory.lost])
+    row = _row_of(every, newest)
+    step_s = newest.time_s[row >= 0] - every.time_s[row[row >= 0]]
+    sensor, step_s = newest.sensor[row >= 0][step_s > 0.0], step_s[step_s > 0.0]
+    for source in np.unique(sensor).tolist():
+        now_s = float(np.median(step_s[sensor == source]))
+        out[source] += INTERVAL_GAIN * (now_s - out[source]) if out[source] else now_s
+    return out
+
+
 def _newest(reports: TrackReports) -> TrackReports:
     """The newest state of each track, sorted by source, then number."""
     order = np.lexsort((reports.received_s, reports.time_s, reports.number, reports.sensor))
@@ -271,7 +316,7 @@ def _newest(reports: TrackReports) -> TrackReports:
     return some.take(last)
 
 
-def _row_of(table: ReceivedTable, new: TrackReports) -> Ints:
+def _row_of(table: ReceivedTable, new: TrackReports | ReceivedTable) -> Ints:
     """The row of each track in the table, -1 where it has none. (M,)"""
     known, wanted = joint_keys((table.sensor, table.number), (new.sensor, new.number))
     return row_of(known, wanted)

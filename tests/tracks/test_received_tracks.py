@@ -254,3 +254,45 @@ def test_the_size_and_the_alternative_that_another_centre_sends_are_those_of_the
     np.testing.assert_array_equal(found.echo_axis_deg, [75.0, np.nan])
     np.testing.assert_array_equal(found.alternative_m, [np.nan, 80.0])
     assert np.isnan(found.echo_width_m).all()
+
+
+@pytest.mark.parametrize("interval_s", [36.0, 60.0])
+def test_a_source_that_sends_more_rarely_than_its_patience_is_known_by_its_interval(interval_s: float) -> None:
+    """One track ends between its first two states, which are told apart; from then on tracks of that source wait for the next one."""
+    method, memory, ids, shown = ReceivedTracks(), ReceivedTracks().init(), list[set[int]](), list[int]()
+    for cycle in range(200):
+        time_s, step = 3.0 * cycle, round(interval_s / 3.0)
+        sent = states(time_s, [5], np.array([[5.0 * time_s, 0.0]])) if cycle % step == 0 else TrackReports.empty()
+        memory, tracks = method.step(memory, ReceivedInput(sent, time_s, sensors(), Tracks.empty()))
+        memory = checkpoint.load(checkpoint.save(memory))
+        ids, shown = [*ids, set(tracks.track_id.tolist())], [*shown, len(tracks)]
+    assert len(set.union(*ids)) == 2
+    assert min(shown[round(interval_s / 3.0) :]) == 1
+    for cycle in range(200, 350):
+        memory, tracks = method.step(memory, ReceivedInput(TrackReports.empty(), 3.0 * cycle, sensors(), Tracks.empty()))
+    assert (len(tracks), len(memory.table), len(memory.lost)) == (0, 0, 0)
+
+
+@pytest.mark.parametrize(("sigma_m", "interval_s"), [(20.0, 3.0), (50.0, 6.0)])
+def test_a_velocity_made_of_two_positions_is_as_uncertain_as_they_make_it(sigma_m: float, interval_s: float) -> None:
+    """Thirty vessels with AIS, whose source gives positions alone: also the error of these is learnt right."""
+    rng, method, vessels = np.random.default_rng(2), ReceivedTracks(), 30
+    start_m, course = rng.uniform(-2e4, 2e4, (vessels, 2)), rng.uniform(0.0, 2.0 * np.pi, vessels)
+    velocity = rng.uniform(2.0, 9.0, (vessels, 1)) * np.column_stack([np.sin(course), np.cos(course)])
+    memory, where, one, nees = method.init(), sensors(), np.ones(vessels), list[np.ndarray]()
+    for cycle in range(100):
+        time_s = interval_s * cycle
+        place_m = start_m + velocity * time_s
+        sent = states(time_s, list(range(1, vessels + 1)), place_m + rng.normal(0.0, sigma_m, place_m.shape))
+        ais = Tracks(
+            where.ais_source * 10**9 + np.arange(vessels), np.full(vessels, where.ais_source), time_s * one,
+            offset_deg(np.tile(HOME, (vessels, 1)), place_m), velocity, np.tile(np.diag([9.0, 9.0, 0.01, 0.01]), (vessels, 1, 1)),
+            np.tile(9.0 * np.eye(2), (vessels, 1, 1)), time_s * one, 0.0 * one, np.full(vessels, -1), np.full(vessels, -1),
+        )  # fmt: skip
+        memory, tracks = method.step(memory, ReceivedInput(sent, time_s, where, ais))
+        if cycle >= 40:
+            off = np.hstack([difference_m(tracks.position_deg, ais.position_deg), tracks.velocity_m_s - velocity])
+            nees.append(np.einsum("ni,nij,nj->n", off, np.linalg.inv(tracks.covariance), off))
+    assert np.linalg.eigvalsh(tracks.covariance).min() > 0.0
+    assert 3.5 < np.concatenate(nees).mean() < 4.5
+    assert method.summary(memory, where).position_sigma_m[0] == pytest.approx(sigma_m, rel=0.1)
