@@ -37,6 +37,7 @@ from coastwatch.picture.settings import IdentitySettings
 STATIONARY_SIGMAS = 3.0  # of the position that a displacement must exceed
 
 SLOW_M_S = 2.0 * KNOT_M_S  # slower vessels may send each 180 s (ITU-R M.1371)
+LONGEST_PAUSE_S = 180.0  # of these: a ship that is silent for longer has perhaps left, and may be far away
 AIS_RETURNS_S = 180.0
 """The longest interval of AIS reports, of a vessel at anchor (ITU-R M.1371): when AIS is heard again, nobody is dark before."""
 
@@ -116,7 +117,7 @@ def flag(
     never_sent = stationary[dark] & (picture.mmsi[dark] < 0) & ~had_ais(settings, past, picture.vessel_id[dark])
     at_anchor = now.has_ais & (stationary | np.isin(picture.nav_status, (NavStatus.AT_ANCHOR, NavStatus.MOORED)))
     anchored_s = now.heard_s[at_anchor]  # ships at anchor send each 180 s, or rarely; the longest pause, of AIS that is heard
-    pause_s = float(now.heard_s.max() - anchored_s.min()) if len(anchored_s) else 0.0
+    pause_s = min(float(now.heard_s.max() - anchored_s.min()), LONGEST_PAUSE_S) if len(anchored_s) else 0.0
     slow = stationary | (np.hypot(*picture.velocity_m_s.T) < SLOW_M_S)
     waits = slow[dark] & ~order.was_dark[dark] & (time_s - no_ais_since_s[dark] < settings.dark_after_s + pause_s)
     among_ships = _in_anchorage(settings, picture.position_deg[dark[never_sent]], picture.position_deg[at_anchor])

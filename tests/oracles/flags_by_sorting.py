@@ -94,7 +94,7 @@ def flags_of(
     is_ais = kinds == SourceKind.AIS
     newest_s = np.array([np.max(tracks.updated_s[is_ais & (row == k)], initial=-np.inf) for k in range(len(picture))])
     ships_s = newest_s[has_ais & (stays | np.isin(picture.nav_status, (1, 5)))]
-    pause_s = max(newest_s) - min(ships_s) if len(ships_s) else 0.0
+    pause_s = min(max(newest_s) - min(ships_s), 180.0) if len(ships_s) else 0.0
     was_dark = np.isin(picture.vessel_id, list(memory.dark))
     slow = stays | (np.linalg.norm(picture.velocity_m_s, axis=1) < 2 * KNOT_M_S)
     may_be &= (time_s - no_ais >= settings.dark_after_s + pause_s) | ~slow | was_dark
