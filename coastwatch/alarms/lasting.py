@@ -45,7 +45,7 @@ class AlarmSettings(Method):
     cpa_under_way_kn: NotNegative = 3.0  # least speed of each of the two, or of one of them with `cpa_at_rest`
     cpa_at_rest: bool = False  # also between a vessel under way and one that is stationary, anchored or moored
     cpa_known_s: NotNegative = 60.0  # each of the two must have been in the picture for so long
-    swing_m: NotNegative = 300.0  # radius of the swing circle of an anchored vessel; 0: no alarm for dragging
+    swing_m: NotNegative = 200.0  # largest radius of the swing circle of an anchored vessel; 0: no alarm for dragging
     settle_s: NotNegative = 600.0  # the anchorage is the mean position of so long after the vessel came to rest
     rest_s: NotNegative = 3600.0  # what has no status "at anchor" must have been stationary for so long
     drag_kn: Annotated[float, Field(gt=0.0)] = 3.0  # what is faster is under way, whatever its status says

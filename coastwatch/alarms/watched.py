@@ -8,7 +8,20 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.alarms.lasting import AlarmSettings
-from coastwatch.batches import Batch, Bools, Flag, Floats, Ints, Members, NavStatus, Picture, Sensors, SourceKind, column
+from coastwatch.batches import (
+    Batch,
+    Bools,
+    Flag,
+    Floats,
+    Ints,
+    Members,
+    NavStatus,
+    Picture,
+    Sensors,
+    SourceKind,
+    column,
+    optional_column,
+)
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
 from coastwatch.kernels.tables.lookup import find
 
@@ -19,6 +32,9 @@ FASTEST_M_S = 120.0 * KNOT_M_S
 """A vessel that seems to have been faster is elsewhere because its track was corrected."""
 
 SIGMAS = 3.0
+MIDDLE_SLACK = (
+    1.1  # radii from where a ship came to rest to the middle of its circle: steps towards it are not the shortest way
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +54,12 @@ class Watched(Batch):
     tracked: Bools = column(np.bool_, "U")  # it has a track
     came_s: Floats = column(np.float64, "U")  # since when it has been watched without being forgotten
     way_from_deg: Floats = column(np.float64, "U", 2)  # where the way begins that is looked at for crossings
-    anchorage_deg: Floats = column(np.float64, "U", 2)
+    anchorage_deg: Floats = column(np.float64, "U", 2)  # middle of the swing circle
     at_rest_s: Floats = column(np.float64, "U")  # since when it has lain at the anchorage; NaN: it does not
     outside_s: Floats = column(np.float64, "U")  # since when it has been out of the swing circle; NaN: it is inside
+    rest_deg: Floats = optional_column(
+        "U", 2
+    )  # where it came to rest: the middle of the swing circle is a radius from there at most
 
     @property
     def speed_m_s(self) -> Floats:
@@ -81,7 +100,7 @@ def watch_vessels(
     at = at[was_watched]
     fresh = _rows_of(now, members, sensors, time_s)
     columns = {name: getattr(fresh, name) for name in vars(fresh)}
-    for name in ("came_s", "way_from_deg", "anchorage_deg", "at_rest_s", "outside_s"):
+    for name in ("came_s", "way_from_deg", "anchorage_deg", "at_rest_s", "outside_s", "rest_deg"):
         columns[name][was_watched] = getattr(before, name).take(at, axis=0)
     waited_s = np.zeros(len(now))
     waited_s[was_watched] = time_s - before.placed_s[at]
@@ -137,7 +156,7 @@ def _rows_of(now: Picture, members: Members, sensors: Sensors, time_s: float) ->
         np.ones(n, np.bool_),
         np.ones(n, np.bool_),
     )
-    return Watched(*first, time.copy(), place.copy(), np.full((n, 2), np.nan), unknown, unknown.copy())
+    return Watched(*first, time.copy(), place.copy(), np.full((n, 2), np.nan), unknown, unknown.copy(), np.full((n, 2), np.nan))
 
 
 def _with_absent(
@@ -175,7 +194,8 @@ def _anchored(
 
     A vessel comes to rest when it is stationary, or at anchor and slow. It drags where it is out of its swing circle and slow, if its
     status says "at anchor" or it has lain there for long. It has got under way, and has no anchorage, once it is fast, or out of the
-    circle for another reason. One that lies outside for `settle_s` has a new anchorage there.
+    circle for another reason. One that lies outside for `settle_s` has a new anchorage there. As a ship comes to rest on the rim of
+    its circle, the middle moves after it, no more than it must, while it is no farther than a radius from where the ship came to rest.
     Args: row, now: R vessels with a track; waited_s: (R,) since each had one before.
     """
     slow = row.speed_m_s <= settings.drag_kn * KNOT_M_S
@@ -187,18 +207,25 @@ def _anchored(
     lain_s = time_s - at_rest_s
     away_m, lies = np.full(len(now), np.nan), np.flatnonzero(~np.isnan(at_rest_s))
     away_m[lies] = np.hypot(*difference_m(now.position_deg[lies], anchorage[lies]).T)
-    outside = away_m > settings.swing_m + SIGMAS * _sigma_m(now)
+    radius_m = settings.swing_m + SIGMAS * _sigma_m(now)
+    outside = away_m > radius_m
     settling = ~outside & (lain_s > 0.0) & (lain_s < settings.settle_s)
     weight = waited_s[settling] / (lain_s[settling] + waited_s[settling])
     step_m = difference_m(now.position_deg[settling], anchorage[settling])
     anchorage[settling] = offset_deg(anchorage[settling], weight[:, None] * step_m)
+    rest_deg = np.where((settling | np.isnan(row.rest_deg[:, 0]))[:, None], anchorage, row.rest_deg)
+    swung = np.flatnonzero(outside & (lain_s >= settings.settle_s))
+    share = (1.0 - radius_m[swung] / away_m[swung])[:, None]
+    middle = offset_deg(anchorage[swung], share * difference_m(now.position_deg[swung], anchorage[swung]))
+    near = np.hypot(*difference_m(middle, rest_deg[swung]).T) <= MIDDLE_SLACK * settings.swing_m
+    anchorage[swung[near]], outside[swung[near]] = middle[near], False
     outside_s[outside & np.isnan(outside_s)] = time_s
     outside_s[~outside] = np.nan
     dragging = outside & slow & (at_anchor | (outside_s - at_rest_s >= settings.rest_s)) & (settings.swing_m > 0.0)
     stopped = dragging & ((now.flags & Flag.STATIONARY) != 0) & (time_s - outside_s >= settings.settle_s)
     left = ~np.isnan(at_rest_s) & (~slow | (outside & ~dragging) | stopped)
-    anchorage[left], at_rest_s[left], outside_s[left] = np.nan, np.nan, np.nan
-    row = replace(row, anchorage_deg=anchorage, at_rest_s=at_rest_s, outside_s=outside_s)
+    anchorage[left], at_rest_s[left], outside_s[left], rest_deg[left] = np.nan, np.nan, np.nan, np.nan
+    row = replace(row, anchorage_deg=anchorage, at_rest_s=at_rest_s, outside_s=outside_s, rest_deg=rest_deg)
     return row, dragging & ~left, lain_s, away_m
 
 

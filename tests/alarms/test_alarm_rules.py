@@ -483,6 +483,27 @@ def test_an_anchored_vessel_that_drifts_out_of_its_circle_drags_and_one_that_wei
     assert last == 599
 
 
+@pytest.mark.parametrize(("radius_m", "drags"), [(120.0, False), (200.0, False), (260.0, True)])
+def test_a_ship_that_turns_with_the_tide_on_the_circle_of_the_setting_does_not_drag(radius_m: float, drags: bool) -> None:
+    """It comes to rest on the rim, so the far side is two radii off; after it has swung, a drag of a radius is noticed."""
+    rules = RULES.model_copy(update={"cpa_nm": 0.0, "swing_m": 200.0})
+
+    def scene(time_s: float) -> list[dict[str, Any]]:
+        angle = np.pi * np.clip((time_s - 1800.0) / 1200.0, 0.0, 1.0)
+        turns, drift_m = 1800.0 < time_s < 3000.0, 0.5 * max(time_s - 4500.0, 0.0)
+        speed_kn = radius_m * np.pi / 1200.0 / KNOT_M_S if turns else 0.5 / KNOT_M_S * (drift_m > 0.0)
+        at = (radius_m * np.sin(angle), radius_m * np.cos(angle) - drift_m)
+        return [
+            {"id": 1, "at": at, "kn": (speed_kn * np.cos(angle), -speed_kn * np.sin(angle)), "status": int(NavStatus.AT_ANCHOR)}
+        ]
+
+    ((first, _), *_) = spans(play(rules, scene, 2500), AlarmKind.ANCHOR_DRAG)[1, 0]
+    begins_s = first * PERIOD_S
+    assert (begins_s < 4500.0) == drags
+    if radius_m == 200.0:
+        assert 0.5 * (begins_s - 4500.0) < 150.0
+
+
 def test_a_vessel_under_way_that_vanishes_within_cover_is_lost_until_it_returns() -> None:
     def scene(time_s: float) -> list[dict[str, Any]]:
         cycle, way = round(time_s / PERIOD_S), 10.0 * KNOT_M_S * time_s
