@@ -30,6 +30,7 @@ from coastwatch.kernels.tables.lookup import find, row_of
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
 
 CELLS = COVER_AZIMUTHS * COVER_RANGES
+STILL_M_S = 0.5  # slower vessels stay in the cell of their visit
 PAUSE_TURNS = 3.0  # a radar that was silent for longer has not turned
 
 
@@ -153,7 +154,7 @@ class LearntCover(Method):
         is_reference = is_ais & ~given.alarmed & (heard_for_s >= self.settle_s)
         drawn = self._drawn(tracks, is_reference) | self._drawn(tracks, tracks.source < len(sensors.region_names))
         alone = is_ais & ~has_plots[associations.vessel]
-        seen = _in_range(tracks, np.flatnonzero(drawn | alone), turned, sensors)
+        seen = _staying(_in_range(tracks, np.flatnonzero(drawn | alone), turned, sensors), before, tracks)
         counted = drawn[seen.row] & (turned.turns[seen.radar] > 0.0)
         hits = _plots_of(seen, counted, given, is_ais)
 
@@ -284,6 +285,20 @@ def _in_range(tracks: Tracks, rows: Ints, turned: Turned, sensors: Sensors) -> S
     row, radar, offset = row[order], radar[order], offset[order]
     azimuth, distance = np.arctan2(offset[:, 0], offset[:, 1]), np.hypot(offset[:, 0], offset[:, 1])
     return Seen(radar, row, _cell(azimuth, distance, sensors.radars.range_m[radar]))
+
+
+def _staying(seen: Seen, before: Visits, tracks: Tracks) -> Seen:
+    """The same pairs, where a vessel at rest stays in the cell of its visit.
+
+    One on the edge of two cells would else make a new visit with each error of its position.
+    """
+    row = kernels.tables.match_ids.index_of(tracks.track_id, before.track_id)
+    at = find(seen.radar * len(tracks) + seen.row, before.radar * len(tracks) + row)
+    stays = np.flatnonzero((row >= 0) & (at >= 0))
+    stays = stays[np.hypot(*tracks.velocity_m_s[row[stays]].T) < STILL_M_S]
+    cell = seen.cell.copy()
+    cell[at[stays]] = before.cell[stays]
+    return seen._replace(cell=cell)
 
 
 def _cell(azimuth_rad: Floats, distance_m: Floats, range_m: Floats) -> Ints:

@@ -185,3 +185,25 @@ def test_a_disc_expects_every_vessel():
     assert len(cover) == 0
     assert len(detection) == len(position)
     assert (detection.probability == 1.0).all()
+
+
+def test_a_moored_vessel_on_the_edge_of_two_cells_counts_as_one_inside():
+    """Its position errs by 3 m: each crossing of the edge was a visit of its own, and a radar that did not see it was blind."""
+    direction, rng, none = (
+        np.array([np.sin(np.radians(42.5)), np.cos(np.radians(42.5))]),
+        np.random.default_rng(1),
+        np.zeros(0, np.int64),
+    )
+    looks = []
+    for range_m in (2750.0, 2500.0):  # rings of 500 m
+        method, memory = LearntCover(), LearntCover().init()
+        for cycle in range(200):
+            time_s = 1e6 + 3.0 * cycle
+            ais = tracks_of(AIS, (direction * range_m + rng.normal(0.0, 3.0, 2))[None], AIS * 2**40 + 1, updated_s=0.0)
+            alone = Associations(none, none, np.zeros(0), np.array([0]), 0, 0, False)
+            plots = plots_at(np.array([[3000.0, -3000.0]]), time_s - 1.0)
+            no, nobody = np.zeros(1, np.bool_), Measurements.empty()
+            memory, (cover, _) = method.step(memory, CoverInput(plots, ais, alone, nobody, no, no, SENSORS))
+        looks.append(cover.ais_looks.sum())
+    assert looks[0] == pytest.approx(12.0, rel=0.05)
+    assert looks[1] == pytest.approx(looks[0], rel=0.05)
