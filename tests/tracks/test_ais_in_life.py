@@ -220,3 +220,41 @@ def test_one_report_in_time_ends_the_patience_with_a_late_feed():
     shown = [len(tracks) for tracks, _ in outputs]
     assert shown[66] == 1
     assert shown[84] == 0  # 255 s: 64 s after the last one, of 191 s; late ones that are older came meanwhile
+
+
+def at_rest(place_m, every_s, until_s, first_s=5.0):
+    """Rows of a ship that says that it lies still. Args: place_m: its place in m east at a time."""
+    times = np.arange(first_s, until_s, every_s)
+    rng = np.random.default_rng(1)
+    at = [offset_deg(HOME, np.array([place_m(t), 0.0]) + rng.normal(0.0, 2.0, 2)) for t in times]
+    return [(START_S + t, START_S + t + 0.5, FERRY, *p, 0.0, 360.0) for t, p in zip(times, at, strict=True)]
+
+
+@pytest.mark.parametrize("apart_m", [500.0, 2500.0])
+def test_two_moored_ships_with_one_mmsi_are_two_and_do_not_go_to_and_fro(apart_m):
+    """Each sends each three minutes: a ship could sail from one to the other meanwhile, but would not say that it lies still."""
+    rows = at_rest(lambda t: 0.0, 180.0, 1800.0) + at_rest(lambda t: apart_m, 180.0, 1800.0, 95.0)
+    outputs = []
+    memory, *_ = run(AisFilter(), rows, 590, outputs=outputs)
+    last = outputs[200:]
+    assert {len(tracks) for tracks, _ in last} == {2}
+    assert all(alarms.twice.all() and not alarms.impossible_speed.any() for _, alarms in last)
+    east = np.array([difference_m(tracks.position_deg, HOME[None])[:, 0] for tracks, _ in last])
+    assert np.abs(np.sort(east, axis=1) - [0.0, apart_m]).max() < 20.0
+    assert memory.refused == {"impossible speed": 1}
+
+
+@pytest.mark.parametrize("speed_m_s", [1.5, 5.1])
+def test_one_ship_that_moves_between_two_reports_at_rest_keeps_its_track(speed_m_s):
+    """One is shifted along the quay for three minutes; the other's transponder always says that it lies still."""
+    shifted = at_rest(lambda t: 400.0 * np.clip((t - 700.0) / 60.0, 0.0, 1.0), 180.0, 1800.0)
+    wrong = at_rest(lambda t: speed_m_s * t, 180.0, 1800.0)
+    for rows, off_m in ((shifted, 20.0), (wrong, 400.0 * speed_m_s)):
+        outputs = []
+        run(AisFilter(), rows, 590, outputs=outputs)
+        shown = outputs[20:]
+        assert {tuple(tracks.track_id.tolist()) for tracks, _ in shown} == {tuple(outputs[20][0].track_id.tolist())}
+        assert not any(alarms.twice.any() or alarms.impossible_speed.any() for _, alarms in shown)
+        last, _ = shown[-1]
+        newest = np.array(rows[-1][3:5])
+        assert np.hypot(*difference_m(last.position_deg, newest[None])[0]) < off_m

@@ -85,6 +85,7 @@ AT_ANCHOR, MOORED, AGROUND = 1, 5, 6  # ITU-R M.1371-5, table 48
 TOLERANCE_SIGMAS = 8.0  # of one report, between two
 JITTER_SIGMAS = 3.0  # of a time, between two
 WAY_SIGMAS = 4.0  # of a position, in the way that a change of velocity takes
+SWINGS = 150.0  # m, of a ship at anchor from one report to the next
 SPEED_MARGIN = 5.0  # m/s, change of velocity that noise alone can make
 SAME_COURSE = 0.94  # cosine of the largest angle between courses that are the same
 SAME_SPEED = 0.3  # largest difference of speeds that are the same, as a share
@@ -134,11 +135,11 @@ def _expire(vessel, time, rules):  # type: ignore[no-untyped-def]
 @jit
 def _update_vessel(vessel, report, rules, models, z, noise, work, outcome):  # type: ignore[no-untyped-def]
     """The verdict on a report, which goes to the track it fits, or opens one."""
-    best, shift = _choose(vessel, report, rules)
+    best, shift, is_elsewhere = _choose(vessel, report, rules)
     outcome.delay = math.nan
     if best >= 0:
         outcome.delay, outcome.variance = _delay(vessel[best], report, rules)
-        if vessel[best].confirmed == 0 and _is_alone(vessel, best):
+        if vessel[best].confirmed == 0 and not _takes_place(vessel, best, rules) and _is_alone(vessel, best):
             vessel[best].alarm = report.time + rules.alarm
         return _update_track(vessel[best], report, shift, rules, models, (z, noise, work))
     free, known = -1, False
@@ -148,7 +149,8 @@ def _update_vessel(vessel, report, rules, models, z, noise, work, outcome):  # t
             break
         if vessel[t].confirmed == 1:
             known = True
-            vessel[t].alarm = report.time + rules.alarm
+            if not is_elsewhere:
+                vessel[t].alarm = report.time + rules.alarm
     if free < 0:
         return CROWDED
     track = vessel[free]
@@ -176,8 +178,10 @@ def _choose(vessel, report, rules):  # type: ignore[no-untyped-def]
     """The track that a ship could have come from, those not silent before the silent, then the nearest; -1 for none.
 
     A report too far off for that may be on the track of its vessel with a wrong stamp. Then the second number is by how much, else 0.
+    The third: it is of a ship at rest, where another one with its MMSI lies still elsewhere: both are near enough for one ship, but ships
+    at rest do not go to and fro. Once a second track waits there, its ship may have moved: then the next report is of the nearer.
     """
-    best, best_live, best_miss, best_shift = -1, False, np.inf, 0.0
+    best, best_live, best_miss, best_shift, is_elsewhere = -1, False, np.inf, 0.0, False
     for t in range(len(vessel)):
         track = vessel[t]
         if track.hits == 0:
@@ -193,13 +197,51 @@ def _choose(vessel, report, rules):  # type: ignore[no-untyped-def]
             shift = _shift(track, report, east, north, rules)
             if shift == 0.0:
                 continue
+        elif track.confirmed == 1 and _lies_elsewhere(track, report, east, north, rules) and not _has_followed(vessel, track):
+            is_elsewhere = True
+            continue
         live = dt <= track.patience
         if live:
             east, north = east - dt * mean_of(track, EAST_RATE), north - dt * mean_of(track, NORTH_RATE)
         miss = east * east + north * north
         if best < 0 or (live and not best_live) or (live == best_live and miss < best_miss):
             best, best_live, best_miss, best_shift = t, live, miss, shift
-    return best, best_shift
+    return best, best_shift, is_elsewhere
+
+
+@jit
+def _lies_elsewhere(track, report, east, north, rules):  # type: ignore[no-untyped-def]
+    """Whether a track and a report are of two ships at rest. Args: east, north: from the newest position of the track."""
+    dt = report.time - track.updated
+    if not (report.sog <= rules.still_speed and track.sog <= rules.still_speed) or dt > track.patience:
+        return False
+    radius = SWINGS + rules.still_speed * dt + TOLERANCE_SIGMAS * math.sqrt(max(report.ee, report.nn, track.ee, track.nn))
+    return east * east + north * north > radius * radius
+
+
+@jit
+def _has_followed(vessel, track):  # type: ignore[no-untyped-def]
+    """Whether a second track, on trial, has begun since the newest report of a track."""
+    found = False
+    for t in range(len(vessel)):
+        found |= vessel[t].hits > 0 and vessel[t].confirmed == 0 and vessel[t].started > track.updated
+    return found
+
+
+@jit
+def _takes_place(vessel, trial, rules):  # type: ignore[no-untyped-def]
+    """Whether a track on trial goes on for one that lay still and has not been heard since: their ship has moved. In place."""
+    new = vessel[trial]
+    for t in range(len(vessel)):
+        old, dt = vessel[t], new.started - vessel[t].updated
+        if old.hits == 0 or old.confirmed == 0 or not 0.0 < dt <= old.patience:
+            continue
+        east, north = enu_offset(new.lat, new.lon, old.lat, old.lon)
+        radius = rules.max_speed * (dt + rules.stamp)
+        if old.sog <= rules.still_speed and east * east + north * north <= radius * radius:
+            new.number, new.started, old.hits = old.number, old.started, 0
+            return True
+    return False
 
 
 @jit
