@@ -42,7 +42,7 @@ MOST_NAMED = 3
 
 SILENT_SENSORS = {
     Subject.STATION: ("AIS report", "vessels on AIS"),
-    Subject.RADAR: ("plot", "plots a cycle"),
+    Subject.RADAR: ("plot", "plots, or spokes of video, a cycle"),
     Subject.SOURCE: ("track", "tracks a cycle"),
 }
 """What a sensor sends, and what was counted of it before it fell silent."""

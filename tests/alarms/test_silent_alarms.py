@@ -140,7 +140,8 @@ NEVER = replace(failed(1, 0), heard_s=np.full(1, -np.inf), usual_s=np.full(1, np
         ),
         (
             SensorHearing(failed(1, 0), failed(2), failed(1), failed(1)), AlarmKind.RADAR_SILENT, 1,
-            "radar a is silent: no plot for 30 s, one every 3.0 s or oftener before; 40 plots a cycle then; vessels in "
+            "radar a is silent: no plot for 30 s, one every 3.0 s or oftener before; 40 plots, or spokes of video, a cycle then; "
+            "vessels in "
             "range of a: 1; no flag",
         ),
         (

@@ -85,15 +85,15 @@ export async function loadCoastline(map) {
   }
 }
 
-/** The rectangle of a coastline, drawn as sea below its land, so that the coarse shore does not show through. */
+/** The rectangle of a coastline, drawn as sea below its land, so that the coarse shore does not show through: its bbox, if it has one. */
 function extent(coastline) {
-  let [west, south, east, north] = [180, 90, -180, -90];
+  let [west, south, east, north] = coastline.bbox ?? [180, 90, -180, -90];
   const widen = (part) => {
     if (typeof part[0] !== 'number') return part.forEach(widen);
     [west, south, east, north] = [Math.min(west, part[0]), Math.min(south, part[1]), Math.max(east, part[0]), Math.max(north, part[1])];
   };
   const areas = coastline.features.filter(({ geometry }) => geometry?.type.endsWith('Polygon'));
-  areas.forEach(({ geometry }) => widen(geometry.coordinates));
+  if (!coastline.bbox) areas.forEach(({ geometry }) => widen(geometry.coordinates));
   const ring = areas.length ? [[west, south], [east, south], [east, north], [west, north], [west, south]] : [];
   return { type: 'Feature', properties: { kind: 'extent' }, geometry: { type: 'Polygon', coordinates: ring.length ? [ring] : [] } };
 }

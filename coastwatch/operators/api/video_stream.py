@@ -125,7 +125,10 @@ async def picture(radar: Annotated[str, Path(max_length=64)], service: In) -> Re
         video.ask([number])
         await asyncio.sleep(LOOK_S)
     if turn is None:
-        raise HTTPException(503, f"radar {radar} has sent no whole turn of video within {WAIT_S:g} s")
+        text = (
+            f"no whole turn of video of radar {radar} can be drawn: none came within {WAIT_S:g} s, or its heading is not known"
+        )
+        raise HTTPException(503, text)
     video.ask([number])
     headers = {"X-Range-M": f"{turn[0].range_m:.1f}", "X-Time": utc_text(max(sector.time_s for sector in turn))}
     return Response(await asyncio.to_thread(_png, turn), media_type="image/png", headers=headers)
