@@ -190,6 +190,16 @@ def test_a_capture_gives_the_reports_of_the_live_decoder(name: str, writer: Call
     assert [fault.kind for fault in read.faults()] == ["set aside: packet without a datagram of the feed"]
 
 
+@pytest.mark.parametrize("name", ["asterix", "ais"])
+def test_a_packed_capture_gives_the_reports_of_the_capture(name: str, tmp_path: Path) -> None:
+    """Times of day without a date are of its packets, as Wireshark packs them."""
+    plain = as_capture(tmp_path / "x.pcap", messages(name))
+    packed = tmp_path / "x.pcap.gz"
+    packed.write_bytes(gzip.compress(plain.read_bytes()))
+    one, other = (stream(address(name, path, dated=False)).between(-math.inf, math.inf) for path in (plain, packed))
+    assert_same(one, other)
+
+
 DAMAGED = {
     "ais": [b"!AIVDM,1,1,,A,damaged*00", b"!AIVDM,2,1,3,A,55P5TL01VIaAL@7WKO@mBplU@<PDhh000000001S;AJ::4A80?4i@E53,0*3E", b"x"],
     "asterix": [b"\x30\x00\x09\xff\xff\xff\xff\xff\xff", b"\x01\x00\x04\x00"],

@@ -94,6 +94,25 @@ def test_traffic_and_encounters(ran: tuple[str, list[Picture]], capsys: pytest.C
     assert few == near[:2]
 
 
+def test_the_newest_instant_says_when_each_vessel_was_heard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Also of vessels that sail straight on, of which no point of the history was due: they were said to be silent."""
+    table, url = tmp_path / "ais.csv", f"sqlite:///{tmp_path / 'x.db'}"
+    lines = ["time,mmsi,latitude,longitude,sog,cog"]
+    for vessel in range(3):
+        lines += [
+            f"{1_700_000_000 + t},23500000{vessel},{50.0 + t * 1.5e-5:.6f},{-1.0 + vessel},3.2,0" for t in range(vessel, 200, 4)
+        ]
+    table.write_text("\n".join(lines))
+    assert main(["fuse", "--ais", str(table), "--db", url]) == 0
+    capsys.readouterr()
+    columns = ["--columns", "mmsi,updated_utc", "--format", "csv"]
+    now = rows(["picture", "--db", url, *columns], capsys)
+    assert main(["picture", "--db", url, "--at", "2023-11-14T23:00:00Z", *columns]) == 0
+    then = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert len(now) == 3
+    assert then == now
+
+
 @pytest.mark.parametrize(
     ("line", "code", "said"),
     [

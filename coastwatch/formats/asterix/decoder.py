@@ -76,7 +76,8 @@ def origins_of(feed: FeedSettings, sensors: Sensors) -> dict[tuple[int, int], Or
         if not (sac.isdecimal() and sic.isdecimal()) or value not in (*radars, *sources):
             names = ", ".join([*radars, *sources]) or "none"
             raise OptionError(
-                f"feed: got {key}={value} in {feed.text!r}, needed SAC/SIC=NAME with a radar or track source of {names}"
+                f"feed: got {key}={value} in {feed.text!r}, needed SAC/SIC=NAME with a radar or track source of {names}; "
+                f"--set 'track_sources=[{{name=\"{value}\"}}]' makes a track source"
             )
         origins[int(sac), int(sic)] = (
             Origin(False, radars.index(value)) if value in radars else Origin(True, sources.index(value))

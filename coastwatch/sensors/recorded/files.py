@@ -94,14 +94,14 @@ def head(path: Path, size: int | None = None) -> bytes:
     """
     size = LOOK_BYTES if size is None else size
     with path.open("rb") as file:
-        content = file.read(size)
+        content = file.read(max(size, LOOK_BYTES))  # a few bytes of gzip are none of the file
     for magic, kind in OTHER_FORMATS.items():
         if content.startswith(magic):
             workbook = path.suffix.lower() in (".xlsx", ".ods")
             got, mend = ("a workbook", "save it as CSV") if workbook else (kind, "unpack it first")
             raise InputError(f"{path}: got {got}, needed text, gzip or Parquet: {mend}")
     if not content.startswith(GZIP_MAGIC):
-        return content
+        return content[:size]
     try:
         return zlib.decompressobj(wbits=31).decompress(content, size)
     except zlib.error as error:

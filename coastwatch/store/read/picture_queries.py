@@ -214,9 +214,13 @@ def _heard_by(connection: Connection, run_id: int, cycle: int, time_s: float, co
     own, h = columns["updated_s"], HISTORY.c
     end = connection.scalar(select(func.min(CYCLE.c.number)).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from > cycle))
     number, _ = cycle_times(connection, run_id, cycle + 1, np.iinfo(np.int32).max if end is None else end)
-    if not len(number):
-        return own
     v = VESSEL.c
+    if not len(number):  # of the newest cycle, the table of vessels knows
+        vessel, heard_s = fetch_arrays(
+            connection, select(v.vessel_id, v.updated_s).where(v.run_id == run_id).order_by(v.vessel_id)
+        )
+        row = find(vessel, columns["vessel_id"])
+        return np.maximum(np.minimum(np.where(row >= 0, np.append(heard_s, np.nan)[row], own), time_s), own)
     cycles: list[ColumnElement[bool]] = [h.cycle.between(int(number[0]), int(number[-1]))]
     ours = select(v.vessel_id, v.updated_s).where(v.run_id == run_id)
     if len(own) <= FEW:

@@ -46,6 +46,9 @@ DANISH_TIME = "# timestamp"  # the column of the Danish Maritime Authority, whos
 FIRST_COMPACT, LAST_COMPACT = 19_000_101_000_000, 22_000_101_000_000
 """Numbers from the first to the last are 20260714033320: in milliseconds they would be after the year 2500."""
 KNOWN_TIMES = "Unix time, a date and time such as 2026-07-14 03:33:20 or 14.07.2026 03:33:20, or a pattern"
+NO_VALUE = r"(?i)^(null|none|nil|n/a|na|unknown|undefined|\?+|-+)?$"  # texts that stand for no value where a number should be
+TWO_DIGIT_YEAR = r"^\d{1,2}([-/. ])\d{1,2}[-/. ]\d{2}([ T]\d{1,2}:|$)"
+CUT_DIGITS = r"^\d\.\d+[eE]\+?\d+$"  # as a spreadsheet shows a long number
 DATE_COLUMNS = ("date", "date_utc")
 TIME_COLUMNS = ("time", "time_utc", "timestamp", "t")
 TIME_OF_DAY = r"^\d{1,2}:\d\d(:\d\d([.,]\d+)?)?( ?[AaPp][Mm])?( ?(Z|UTC|GMT|[+-]\d\d:?\d\d))?$"
@@ -163,6 +166,12 @@ class Table:
         seconds = _seconds(self._with_points(cells).cast(pl.Float64, strict=False))
         if not seconds.null_count():
             return seconds
+        short = cells.str.contains(TWO_DIGIT_YEAR)
+        if short.any():
+            raise InputError(
+                f"{self.name}, column {column}: got {cells.filter(short)[0]!r}, whose year has two digits: needed to know which number is "
+                f"which: {PATTERN.replace('%Y', '%y')}, with %m/%d/%y, or with %y-%m-%d"
+            )
         plain = (
             cells.str.replace(r"(\d)T(\d)", "${1} ${2}")
             .str.replace(r" ?(Z|UTC|GMT)$", "")
@@ -184,9 +193,10 @@ class Table:
         danish = column.strip(" \ufeff").lower() == DANISH_TIME
         if first and first <= 12 and second <= 12 and not danish:
             got = cells.filter(parts[0].is_not_null())[0]
+            pattern = PATTERN.replace("%H:%M:%S", "%I:%M:%S %p") if got[-1] in "Mm" else PATTERN
             raise InputError(
                 f"{self.name}, column {column}: got {got!r}, which may be day first or month first in every row: needed to know which: "
-                f"{PATTERN} or with %m/%d/%Y"
+                f"{pattern} or with %m/%d/%Y"
             )
         date = MONTH_FIRST if second > 12 else DAY_FIRST
         return [f"{date} {clock}" for clock in CLOCKS] if first else []
@@ -197,10 +207,25 @@ class Table:
             return [""] * len(self)
         return self.frame[column].cast(pl.String).fill_null("").str.strip_chars().to_list()
 
+    def refuse_cut_digits(self, column: str | None) -> None:
+        """Refuses a column of whole numbers that a spreadsheet has written as 2.350699e+08: different ones are the same now.
+
+        Raises: InputError.
+        """
+        if column is None or (cells := self.frame[column]).dtype != pl.String:
+            return
+        cut = cells.str.strip_chars().str.contains(CUT_DIGITS).fill_null(value=False)
+        if cut.any():
+            first = int(cut.to_numpy().argmax())
+            raise InputError(
+                f"{self.location(first, column)}: got {cells[first]!r}, a number whose digits a spreadsheet has cut: needed all of them: "
+                "format the column as a whole number before it is saved"
+            )
+
     def empty(self, column: str) -> pl.Series:
-        """Which cells of a column are empty."""
+        """Which cells of a column are empty, or hold a text that stands for no value."""
         cells = self.frame[column]
-        return cells.is_null() | (cells.str.strip_chars() == "") if cells.dtype == pl.String else cells.is_null()
+        return cells.is_null() | cells.str.strip_chars().str.contains(NO_VALUE) if cells.dtype == pl.String else cells.is_null()
 
 
 def read_table(path: Path, separator: str, tally: Tally) -> Table:

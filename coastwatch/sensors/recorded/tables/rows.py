@@ -30,7 +30,22 @@ OUTLIERS_PERCENT = 2.0
 SHOWN_NAMES = 5  # of unknown sensors
 NAMES = "names and sizes"
 NO_ZONE = "times have no zone: taken as UTC"
-TEXTS = ("radar", "sonar", "source", "track", "name", "call_sign", "ais_class", "nav_status", "accuracy", "raim")
+HEMISPHERES = {
+    "north_south": (
+        "ns",
+        "n_s",
+        "n/s",
+        "north_south",
+        "lat_ns",
+        "lat_dir",
+        "lat_hemi",
+        "lat_hemisphere",
+        "latitude_hemisphere",
+    ),
+    "east_west": ("ew", "e_w", "e/w", "east_west", "lon_ew", "lon_dir", "lon_hemi", "lon_hemisphere", "longitude_hemisphere"),
+}
+"""Columns of letters beside numbers without a sign."""
+TEXTS = ("radar", "sonar", "source", "track", "name", "call_sign", "ais_class", "nav_status", "accuracy", "raim", *HEMISPHERES)
 """Keys of columns that hold texts."""
 MAY_BE_UNREADABLE = ("name", "call_sign", "ship_type", "length", "beam")
 """Keys whose unreadable cells do not make a row unusable."""
@@ -49,18 +64,22 @@ TIMES: dict[str, tuple[str, ...]] = {
     "site_latitude": ("site_latitude", "site_latitude_deg", "site_lat", "own_latitude", "own_latitude_deg"),
     "site_longitude": ("site_longitude", "site_longitude_deg", "site_lon", "own_longitude", "own_longitude_deg"),
 }
-PLOTS: dict[str, tuple[str, ...]] = TIMES | {
-    "radar": ("radar", "sensor", "radar_name", "sensor_name"),
-    "range_m": ("range_m", "range"),
-    "range_nm": ("range_nm",),
-    "azimuth": ("azimuth_deg", "azimuth", "bearing_deg", "bearing"),
-    "latitude": ("latitude", "lat", "latitude_deg"),
-    "longitude": ("longitude", "lon", "longitude_deg"),
-    "range_sigma_m": ("range_sigma_m", "range_sigma", "sigma_range_m", "range_std_m"),
-    "azimuth_sigma": ("azimuth_sigma_deg", "azimuth_sigma", "sigma_azimuth_deg", "bearing_sigma_deg", "azimuth_std_deg"),
-    "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
-    **{name: (name,) for name in POSITION_ENTRIES},
-}
+PLOTS: dict[str, tuple[str, ...]] = (
+    TIMES
+    | HEMISPHERES
+    | {
+        "radar": ("radar", "sensor", "radar_name", "sensor_name"),
+        "range_m": ("range_m", "range"),
+        "range_nm": ("range_nm",),
+        "azimuth": ("azimuth_deg", "azimuth", "bearing_deg", "bearing"),
+        "latitude": ("latitude", "lat", "latitude_deg"),
+        "longitude": ("longitude", "lon", "longitude_deg"),
+        "range_sigma_m": ("range_sigma_m", "range_sigma", "sigma_range_m", "range_std_m"),
+        "azimuth_sigma": ("azimuth_sigma_deg", "azimuth_sigma", "sigma_azimuth_deg", "bearing_sigma_deg", "azimuth_std_deg"),
+        "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
+        **{name: (name,) for name in POSITION_ENTRIES},
+    }
+)
 BEARINGS: dict[str, tuple[str, ...]] = TIMES | {
     "sonar": ("sonar", "sensor", "sonar_name", "sensor_name", "camera"),
     "bearing": ("bearing_deg", "bearing", "azimuth_deg", "azimuth"),
@@ -68,7 +87,7 @@ BEARINGS: dict[str, tuple[str, ...]] = TIMES | {
     "signature": ("signature", "signature_class", "vessel_class"),
     "bearing_sigma": ("bearing_sigma_deg", "bearing_sigma", "sigma_bearing_deg", "bearing_std_deg"),
 }
-AIS: dict[str, tuple[str, ...]] = {
+AIS: dict[str, tuple[str, ...]] = HEMISPHERES | {
     "time": (
         "time",
         "time_s",
@@ -99,7 +118,7 @@ AIS: dict[str, tuple[str, ...]] = {
     "length": ("length", "length_m"),
     "beam": ("beam", "beam_m", "width"),
 }
-TRACKS: dict[str, tuple[str, ...]] = {
+TRACKS: dict[str, tuple[str, ...]] = HEMISPHERES | {
     "time": ("time", "time_s", "timestamp", "time_utc", "timestamp_utc", "datetime", "t"),
     "received": ("received", "received_s", "receive_time", "received_utc"),
     "source": ("source", "radar", "sensor", "tracker"),
@@ -209,6 +228,10 @@ def good_cells(
             tally.add_rows(kind, good & mask, partial(table.location, column=str(name)), table.example)
             good &= ~mask
         values[key] = numbers
+    for key, letters, negative in (("latitude", "north_south", "S"), ("longitude", "east_west", "W")):
+        if (name := column.get(letters)) is not None and key in values:
+            is_negative = np.array([text[:1].upper() == negative for text in table.texts(name)], np.bool_)
+            values[key] = np.where(is_negative, -np.abs(values[key]), values[key])
     return table.at(good), {key: numbers[good] for key, numbers in values.items()}
 
 

@@ -1,0 +1,71 @@
+"""Tables as other programs write them: texts for no value, years of two digits, letters of hemispheres, numbers with cut digits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coastwatch.errors import InputError
+from coastwatch.sensors.recorded.tables.ais import AisTable
+
+pytestmark = pytest.mark.golden
+
+HEADER = "Time,MMSI,Latitude,Longitude,SOG,COG"
+
+
+def table(path: Path, *rows: str, header: str = HEADER) -> Path:
+    file = path / "table.csv"
+    file.write_text("\n".join([header, *rows]) + "\n")
+    return file
+
+
+@pytest.mark.parametrize("text", ["NULL", "null", "None", "N/A", "NA", "-", "--", "?", "nan", "", " "])
+def test_a_text_for_no_value_leaves_the_position(tmp_path: Path, text: str) -> None:
+    rows = [f"{1_452_603_731 + 10 * k},235070762,50.7,-1.1,5,{text}" for k in range(3)]
+    reports, _, faults = AisTable(files=(table(tmp_path, *rows),)).read()
+    assert len(reports) == 3
+    assert np.isnan(reports.cog_deg).all() or (reports.cog_deg >= 360.0).all()
+    assert reports.sog_kn.tolist() == [5.0] * 3
+    assert faults == ()
+    rows = [f"1452603731,235070762,{text},-1.1,5,90", "1452603741,235070762,50.7,-1.1,5,90"]
+    reports, _, (fault,) = AisTable(files=(table(tmp_path, *rows),)).read()
+    assert (len(reports), fault.count) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    "stamp", ["12/01/16 13:02", "31/01/16 13:02:11", "12.01.16 13:02:11", "16-01-12 13:02:11", "16-01-12T13:02"]
+)
+def test_a_year_of_two_digits_is_refused_with_the_patterns_that_read_it(tmp_path: Path, stamp: str) -> None:
+    """It was read as the year 12, 16 or 31, and nothing was left."""
+    file = table(tmp_path, f"{stamp},235070762,50.7,-1.1,5,90")
+    with pytest.raises(
+        InputError, match=r"column Time: got '.*', whose year has two digits: .*time_format=\"%d/%m/%y %H:%M:%S\""
+    ):
+        AisTable(files=(file,)).read()
+    if stamp == "31/01/16 13:02:11":
+        reports, _, _ = AisTable(files=(file,), time_format="%d/%m/%y %H:%M:%S").read()
+        assert reports.received_s.tolist() == [1_454_245_331.0]
+
+
+def test_twelve_hours_are_in_the_pattern_that_is_proposed(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="%I:%M:%S %p"):
+        AisTable(files=(table(tmp_path, "01/12/2016 01:02:11 PM,235070762,50.7,-1.1,5,90"),)).read()
+
+
+@pytest.mark.parametrize("names", ["lat,ns,lon,ew", "latitude,lat_hemisphere,longitude,lon_hemisphere", "Lat,N/S,Lon,E/W"])
+def test_letters_of_hemispheres_give_the_signs(tmp_path: Path, names: str) -> None:
+    rows = ["1452603731,235070762,50.7,N,1.1,W", "1452603741,235070763,33.5,S,18.4,e", "1452603751,235070764,33.5,,18.4,"]
+    given = AisTable(files=(table(tmp_path, *rows, header=f"time,mmsi,{names}"),))
+    reports, _, faults = given.read()
+    assert reports.position_deg.tolist() == [[50.7, -1.1], [-33.5, 18.4], [33.5, 18.4]]
+    assert faults == ()
+    assert given.contents()[0].ignored == ()
+
+
+def test_an_mmsi_whose_digits_a_spreadsheet_has_cut_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError, match=r"table\.csv:2, column MMSI: got '2.350708e\+08', a number whose digits a spreadsheet has cut"
+    ):
+        AisTable(files=(table(tmp_path, "1452603731,2.350708e+08,50.7,-1.1,5,90"),)).read()
