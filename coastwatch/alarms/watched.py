@@ -32,9 +32,7 @@ FASTEST_M_S = 120.0 * KNOT_M_S
 """A vessel that seems to have been faster is elsewhere because its track was corrected."""
 
 SIGMAS = 3.0
-MIDDLE_SLACK = (
-    1.1  # radii from where a ship came to rest to the middle of its circle: steps towards it are not the shortest way
-)
+MIDDLE_SLACK = 1.1  # radii from where a ship came to rest to the middle of its circle, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +55,7 @@ class Watched(Batch):
     anchorage_deg: Floats = column(np.float64, "U", 2)  # middle of the swing circle
     at_rest_s: Floats = column(np.float64, "U")  # since when it has lain at the anchorage; NaN: it does not
     outside_s: Floats = column(np.float64, "U")  # since when it has been out of the swing circle; NaN: it is inside
-    rest_deg: Floats = optional_column(
-        "U", 2
-    )  # where it came to rest: the middle of the swing circle is a radius from there at most
+    rest_deg: Floats = optional_column("U", 2)  # where it came to rest, on its swing circle or inside
 
     @property
     def speed_m_s(self) -> Floats:

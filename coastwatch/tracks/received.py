@@ -78,12 +78,8 @@ class ReceivedMemory:
     next_track: int
     states: Ints  # (S,) of each source, so far
     dropped: Ints  # (S,) of them: stamp not finite, from the future, or before that of the state that is kept
-    lost: ReceivedTable = (
-        ReceivedTable.empty()
-    )  # tracks that ended lately: a state of one of them tells the interval of its source
-    interval_s: Floats = field(
-        default_factory=lambda: np.zeros(0)
-    )  # (S,) usual one between two states of a track; 0: not known
+    lost: ReceivedTable = ReceivedTable.empty()  # tracks that ended lately: a state of one tells the interval of its source
+    interval_s: Floats = field(default_factory=lambda: np.zeros(0))  # (S,) usual one between states; 0: not known
 
 
 class ReceivedTracks(Method):
