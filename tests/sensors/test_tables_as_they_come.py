@@ -69,3 +69,19 @@ def test_an_mmsi_whose_digits_a_spreadsheet_has_cut_is_refused(tmp_path: Path) -
         InputError, match=r"table\.csv:2, column MMSI: got '2.350708e\+08', a number whose digits a spreadsheet has cut"
     ):
         AisTable(files=(table(tmp_path, "1452603731,2.350708e+08,50.7,-1.1,5,90"),)).read()
+
+
+def test_courses_from_minus_180_to_180_are_those_of_a_full_circle(tmp_path: Path) -> None:
+    courses = [-170.0, -90.0, -0.5, 0.0, 45.0, 179.0] * 20
+    given = AisTable(
+        files=(
+            table(
+                tmp_path,
+                *(f"{1_452_603_731 + 10 * k},235070762,{50.7 + 3e-4 * k:.4f},-1.1,5,{c}" for k, c in enumerate(courses)),
+            ),
+        )
+    )
+    reports, _, faults = given.read()
+    assert reports.cog_deg.tolist() == [course % 360.0 for course in courses]
+    assert faults == ()
+    assert given.contents()[0].notes == ("COG from -180 to 180 degrees: 360 is added to what is negative",)

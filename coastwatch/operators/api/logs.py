@@ -15,7 +15,7 @@ from coastwatch.operators.api.service import Service
 
 LOG = logging.getLogger("coastwatch.serve")
 POLL_S = 1.0
-NUMBER = re.compile(r"\d[\d,.]*")  # a text whose numbers alone change is said once
+NUMBER = re.compile(r"\d[\d,.]* ?\w*")  # with what it counts: a text whose numbers alone change is said once
 
 
 class _Lines(logging.Formatter):

@@ -43,6 +43,8 @@ from coastwatch.sensors.recorded.tables.stated_motion import SPEED_KN, doubts
 from coastwatch.stage import Method, Plan, Settings
 
 WRAPPED_COG = SET_ASIDE + "COG of a wrapped field: "
+FULL_CIRCLE_DEG = 360.0
+SIGNED_COG = "COG from -180 to 180 degrees: 360 is added to what is negative"
 LEAST_WRAPPED_SHARE = 0.02  # of the courses of a file
 
 REQUIRED = ("time", "mmsi", "latitude", "longitude")
@@ -158,6 +160,9 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     is_whole = (number == np.floor(number)) & (np.abs(number) < 1e12)
     mmsi = np.where(is_whole, number, -1.0).astype(np.int64)  # -1 is no MMSI
     class_b, station = classes(table, column["ais_class"], tally)
+    missing = wrapped_cog(values["cog"])
+    if missing == FULL_CIRCLE_DEG:
+        values["cog"] = np.where(values["cog"] < 0.0, values["cog"] + FULL_CIRCLE_DEG, values["cog"])
     rows = AisRows(
         row=table.row,
         stamp_s=stamp,
@@ -174,7 +179,7 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
         covariance=covariances(values, table, tally),
         station=station,
     )
-    if missing := wrapped_cog(values["cog"]):
+    if missing and missing != FULL_CIRCLE_DEG:
         tally.add_rows(f"{WRAPPED_COG}{missing:g} is missing", values["cog"] < 0.0, table.location, table.example, used=True)
     statics, static_rows = _statics(table, column, values, mmsi, stamp)
     intake = of_table(settings.intake, stamp)
@@ -184,7 +189,7 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     velocity = (reports.sog_kn * KNOT_M_S)[:, None] * np.stack([np.sin(course), np.cos(course)], axis=-1)
     speed_doubts = doubts(reports.mmsi, reports.time_s, reports.position_deg, velocity, settings.speed_unit, "SOG")
     names = len(static_rows), len(static)
-    notes = order_notes(settings.intake, intake, stream.backwards)
+    notes = order_notes(settings.intake, intake, stream.backwards) + ((SIGNED_COG,) if missing == FULL_CIRCLE_DEG else ())
     tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg, speed_doubts, names, notes))
     return reports, static
 
@@ -202,7 +207,7 @@ def wrapped_cog(cog_deg: Floats) -> float:
     low, high, newest = float(courses.min()), float(courses.max()), float(negative.max())
     if low >= -204.85 and high <= 204.75 and newest <= -49.55:
         return 409.6
-    return 360.0 if low >= -180.05 and high <= 180.05 else 0.0
+    return FULL_CIRCLE_DEG if low >= -180.05 and high <= 180.05 else 0.0
 
 
 def _digest(values: dict[str, Floats]) -> Ints:
