@@ -109,7 +109,7 @@ def watch_vessels(
     way_m = np.hypot(*difference_m(now.position_deg, way_from_deg).T)
     period_s = np.maximum(waited_s, 1.0)
     jumped = way_m > settings.line_margin_m + FASTEST_M_S * period_s + SIGMAS * _sigma_m(now)
-    at_rest = fresh.speed_m_s <= SIGMAS * _sigma_m(now, 2)  # perhaps: then its position is where noise puts it
+    at_rest = fresh.speed_m_s <= SIGMAS * _sigma_m_s(now)  # perhaps: then its position is where noise puts it
     moved = (way_m >= settings.line_margin_m + np.where(at_rest, SIGMAS * _sigma_m(now), 0.0)) & ~jumped
     columns["way_from_deg"][moved | jumped] = now.position_deg[moved | jumped]
     row = Watched(**columns)
@@ -225,6 +225,11 @@ def _anchored(
     return row, dragging & ~left, lain_s, away_m
 
 
-def _sigma_m(now: Picture, first: int = 0) -> Floats:
-    """Standard deviation of each position; 0 where it is not known. (R,) Args: first: 2: of each velocity, m/s."""
-    return np.nan_to_num(np.sqrt(now.covariance[:, first, first] + now.covariance[:, first + 1, first + 1]))
+def _sigma_m(now: Picture) -> Floats:
+    """Standard deviation of each position; 0 where it is not known. (R,)"""
+    return np.nan_to_num(np.sqrt(now.covariance[:, 0, 0] + now.covariance[:, 1, 1]))
+
+
+def _sigma_m_s(now: Picture) -> Floats:
+    """Standard deviation of each velocity; 0 where it is not known. (R,)"""
+    return np.nan_to_num(np.sqrt(now.covariance[:, 2, 2] + now.covariance[:, 3, 3]))

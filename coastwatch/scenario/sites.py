@@ -13,7 +13,7 @@ from coastwatch.errors import InputError
 from coastwatch.geodesy import NAUTICAL_MILE_M, earth_centred
 from coastwatch.stage import Latitude, Longitude, NotNegative, Positive, Settings
 
-MOST_APART_NM = 500.0  # radars of a region: in its plane distances are 0.3 % short half so far out
+MOST_APART_NM = 500.0  # between radars of a region: distances in its plane are 0.3 % short at 250 nm
 Name = Annotated[str, Field(min_length=1, max_length=32)]
 RangeNm = Annotated[float, Field(gt=0.0, le=2000.0)]
 TurnsAMinute = Annotated[float, Field(gt=0.0, le=1000.0)]

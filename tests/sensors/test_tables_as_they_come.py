@@ -85,3 +85,11 @@ def test_courses_from_minus_180_to_180_are_those_of_a_full_circle(tmp_path: Path
     assert reports.cog_deg.tolist() == [course % 360.0 for course in courses]
     assert faults == ()
     assert given.contents()[0].notes == ("COG from -180 to 180 degrees: 360 is added to what is negative",)
+
+
+def test_one_wrong_cell_among_others_loses_its_row_alone(tmp_path: Path) -> None:
+    rows = [f"2016-01-12 13:02:1{k},23507076{k},50.7{k},-1.1,5,90" for k in range(6)]
+    rows += ["12/01/16 13:02:17,235070767,50.7,-1.1,5,90", "2016-01-12 13:02:18,2.350708e+08,50.7,-1.1,5,90"]
+    reports, _, faults = AisTable(files=(table(tmp_path, *rows),)).read()
+    assert len(reports) == 6
+    assert {fault.kind: fault.count for fault in faults} == {"unparsable cell": 2}

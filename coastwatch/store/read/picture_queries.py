@@ -215,17 +215,16 @@ def _heard_by(connection: Connection, run_id: int, cycle: int, time_s: float, co
     end = connection.scalar(select(func.min(CYCLE.c.number)).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from > cycle))
     number, _ = cycle_times(connection, run_id, cycle + 1, np.iinfo(np.int32).max if end is None else end)
     v = VESSEL.c
+    ours = select(v.vessel_id, v.updated_s).where(v.run_id == run_id)
+    if len(own) <= FEW:
+        ours = ours.where(is_one_of(connection, v.vessel_id, columns["vessel_id"]))
     if not len(number):  # of the newest cycle, the table of vessels knows
-        vessel, heard_s = fetch_arrays(
-            connection, select(v.vessel_id, v.updated_s).where(v.run_id == run_id).order_by(v.vessel_id)
-        )
+        vessel, heard_s = fetch_arrays(connection, ours.order_by(v.vessel_id))
         row = find(vessel, columns["vessel_id"])
         return np.maximum(np.minimum(np.where(row >= 0, np.append(heard_s, np.nan)[row], own), time_s), own)
     cycles: list[ColumnElement[bool]] = [h.cycle.between(int(number[0]), int(number[-1]))]
-    ours = select(v.vessel_id, v.updated_s).where(v.run_id == run_id)
     if len(own) <= FEW:
         cycles = [is_one_of(connection, h.cycle, number), is_one_of(connection, h.vessel_id, columns["vessel_id"])]
-        ours = ours.where(is_one_of(connection, v.vessel_id, columns["vessel_id"]))
     points = fetch_arrays(connection, select(h.vessel_id, h.cycle, h.updated_s).where(h.run_id == run_id, *cycles))
     if end is None:  # the run ended, or is here: some have no further point
         now = fetch_arrays(connection, ours)

@@ -153,7 +153,6 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     table = read_table(path, settings.separator, tally)
     column = find_columns(table, "ais", settings.columns)
     need_columns(table, "ais", column, REQUIRED)
-    table.refuse_cut_digits(column["mmsi"])
     table, values = good_cells(table, column, REQUIRED, settings.time_format, tally)
     received = values["received"]
     stamp, number = stamps_of(values), values["mmsi"]

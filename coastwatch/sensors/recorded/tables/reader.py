@@ -166,14 +166,15 @@ class Table:
         seconds = _seconds(self._with_points(cells).cast(pl.Float64, strict=False))
         if not seconds.null_count():
             return seconds
-        short = cells.str.contains(TWO_DIGIT_YEAR)
-        if short.any():
+        short = cells.str.contains(TWO_DIGIT_YEAR).fill_null(value=False)
+        if _most(short):
             raise InputError(
                 f"{self.name}, column {column}: got {cells.filter(short)[0]!r}, whose year has two digits: needed to know which number is "
                 f"which: {PATTERN.replace('%Y', '%y')}, with %m/%d/%y, or with %y-%m-%d"
             )
         plain = (
-            cells.str.replace(r"(\d)T(\d)", "${1} ${2}")
+            cells.set(short, None)
+            .str.replace(r"(\d)T(\d)", "${1} ${2}")
             .str.replace(r" ?(Z|UTC|GMT)$", "")
             .str.replace(r":(\d\d),(\d+)", ":${1}.${2}")
         )
@@ -207,25 +208,36 @@ class Table:
             return [""] * len(self)
         return self.frame[column].cast(pl.String).fill_null("").str.strip_chars().to_list()
 
-    def refuse_cut_digits(self, column: str | None) -> None:
-        """Refuses a column of whole numbers that a spreadsheet has written as 2.350699e+08: different ones are the same now.
+    def cut_digits(self, column: str | None) -> Bools:
+        """Which cells are a whole number as a spreadsheet writes it, 2.350699e+08: different ones are the same now. (N,)
 
-        Raises: InputError.
+        Raises: InputError: most are.
         """
         if column is None or (cells := self.frame[column]).dtype != pl.String:
-            return
+            return np.zeros(len(self), np.bool_)
         cut = cells.str.strip_chars().str.contains(CUT_DIGITS).fill_null(value=False)
-        if cut.any():
+        if _most(cut):
             first = int(cut.to_numpy().argmax())
             raise InputError(
                 f"{self.location(first, column)}: got {cells[first]!r}, a number whose digits a spreadsheet has cut: needed all of them: "
                 "format the column as a whole number before it is saved"
             )
+        return np.asarray(cut.to_numpy(), np.bool_)
+
+    def begins_with(self, column: str, letter: str) -> Bools:
+        """Which cells begin with a letter, capital or small. (N,)"""
+        cells = self.frame[column].cast(pl.String).str.strip_chars().str.to_uppercase()
+        return np.asarray(cells.str.starts_with(letter).fill_null(value=False).to_numpy(), np.bool_)
 
     def empty(self, column: str) -> pl.Series:
         """Which cells of a column are empty, or hold a text that stands for no value."""
         cells = self.frame[column]
         return cells.is_null() | cells.str.strip_chars().str.contains(NO_VALUE) if cells.dtype == pl.String else cells.is_null()
+
+
+def _most(cells: pl.Series) -> bool:
+    """Whether more than half of the cells are so: then the whole column is written so, else they are wrong cells."""
+    return int(cells.sum()) > len(cells) / 2
 
 
 def read_table(path: Path, separator: str, tally: Tally) -> Table:

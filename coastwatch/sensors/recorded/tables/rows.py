@@ -217,6 +217,8 @@ def good_cells(
         if key in TEXTS:
             continue
         numbers, bad = table.times(name, time_format) if key in ("time", "received") else table.numbers(name)
+        if key == "mmsi":
+            bad = bad | table.cut_digits(name)
         if key in LONGITUDES:
             numbers = to_both_sides(numbers)
         if key in MAY_BE_UNREADABLE:
@@ -230,8 +232,7 @@ def good_cells(
         values[key] = numbers
     for key, letters, negative in (("latitude", "north_south", "S"), ("longitude", "east_west", "W")):
         if (name := column.get(letters)) is not None and key in values:
-            is_negative = np.array([text[:1].upper() == negative for text in table.texts(name)], np.bool_)
-            values[key] = np.where(is_negative, -np.abs(values[key]), values[key])
+            values[key] = np.where(table.begins_with(name, negative), -np.abs(values[key]), values[key])
     return table.at(good), {key: numbers[good] for key, numbers in values.items()}
 
 

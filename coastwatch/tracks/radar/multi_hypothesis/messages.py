@@ -147,7 +147,9 @@ def _give_up_names(rules: Sequential, table: Table, leaves: Leaves, heard: Heard
     late = np.flatnonzero((at >= 0) & (leaves.mmsi >= 0))
     late = late[table.message_s[leaves.slot[late]] < time_s[at[late]] - rules.elsewhere_s]
     late = late[~np.isin(leaves.slot[late] * MMSI_DIGITS + leaves.mmsi[late], slot * MMSI_DIGITS + mmsi)]
+    given_up = np.unique(leaves.slot[late] * MMSI_DIGITS + leaves.mmsi[late])
     slots = np.unique(leaves.slot[late])
+    slots = slots[np.isin(slots * MMSI_DIGITS + table.ids[slots, 0], given_up)]
     leaves.mmsi[late] = -1
     table.ids[slots] = -1
     table.id_probability[slots] = 0.0
