@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.kernels.filters.ais_tracker import REPORT, measured, nearest_tracks
+from coastwatch.kernels.filters.ais_plausibility import nearest_tracks
+from coastwatch.kernels.filters.ais_records import REPORT
+from coastwatch.kernels.filters.ais_tracker import measured
 from coastwatch.tracks import AisFilter
 from coastwatch.tracks.ais.out_of_sequence import SLOTS
 

@@ -8,7 +8,8 @@ from radar_world import run as run_radar
 
 from coastwatch.batches import AisReports
 from coastwatch.geodesy import offset_deg, to_plane
-from coastwatch.kernels.filters.ais_tracker import TRACK, measure
+from coastwatch.kernels.filters.ais_records import TRACK
+from coastwatch.kernels.filters.ais_tracker import measure
 from coastwatch.tracks import AisFilter, AisInput, RegionInput, TableTracker
 from coastwatch.tracks.ais.out_of_sequence import records
 from coastwatch.tracks.radar.life import ExistenceManagement, TrackManagement

@@ -1,7 +1,5 @@
 """AIS reports into the tracks of vessels, one vessel after the other, its reports in order of time. Scalar code, compiled by numba.
 
-A track is a row of TRACK, with an IMM filter in the plane at its anchor; a report is a row of REPORT; RULES are the settings.
-SI and radians, but for latitudes and longitudes in degrees.
 The tracks of one vessel (one MMSI) stand in consecutive rows, its slots, filled from the first; an empty slot has hits 0.
 The answer depends on the rows given and on nothing else, so reports played again from an earlier state give the same bits.
 """
@@ -11,86 +9,21 @@ import math
 import numpy as np
 
 from coastwatch.kernels.filters import imm
+from coastwatch.kernels.filters.ais_plausibility import (
+    chosen_track,
+    delay_of_stamp,
+    is_alone,
+    is_doubtful,
+    is_jump,
+    takes_place,
+)
+from coastwatch.kernels.filters.ais_records import CROWDED, DOUBTED, IMPOSSIBLE, REPEAT, TAKEN, mean_of
 from coastwatch.kernels.filters.kalman import EAST, EAST_RATE, MANOEUVRE, NORTH, NORTH_RATE, SIZE
-from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR, enu_offset, enu_rotation, from_enu, to_enu
+from coastwatch.kernels.geometry.ellipsoid import enu_rotation, from_enu, to_enu
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tables.copies import copy_into
 
-MODELS = 3  # room in a row; fewer may be in use. One layout: numba caches code by the name of a record type, not by its size
-TRACK = np.dtype(
-    [
-        *((name, "i8") for name in ("mmsi", "number", "confirmed", "hits", "class_b", "origin", "status")),
-        ("updated", "f8"),  # time of the newest report in this track
-        ("started", "f8"),
-        ("received", "f8"),  # time of the newest report of the vessel
-        ("interval", "f8"),  # between its reports, as learned
-        ("gap", "f8"),  # between its two newest reports
-        ("expected", "f8"),  # interval until the next report
-        ("patience", "f8"),  # time without a report after which the track is not predicted
-        ("alarm", "f8"),  # time until which an impossible speed is flagged
-        ("anchor_lat", "f8"),
-        ("anchor_lon", "f8"),
-        *((name, "f8") for name in ("lat", "lon", "sog", "cog", "ee", "en", "nn", "error")),  # as in REPORT, of the newest one
-        ("mode_probability", "f8", (MODELS,)),
-        ("state", "f8", (MODELS, SIZE)),  # in the plane at the anchor
-        ("covariance", "f8", (MODELS, SIZE, SIZE)),
-    ]
-)
-# sog in m/s, cog in radians clockwise from north, NaN where not available; ee, en, nn: covariance of the position, east and north;
-# jitter: standard deviation of the time; error: by which the message itself contradicts the time; status: navigational, -1 if not sent
-REPORT = np.dtype(
-    [
-        *((name, "i8") for name in ("mmsi", "class_b", "origin", "status", "feed")),
-        *((name, "f8") for name in ("time", "lat", "lon", "sog", "cog", "ee", "en", "nn", "jitter", "error")),
-    ]
-)
-OUTCOME = np.dtype(
-    [
-        ("verdict", "i8"),  # TAKEN, REPEAT, IMPOSSIBLE, CROWDED or DOUBTED
-        ("delay", "f8"),  # s, how late its stamp is against the way sailed since the report before; NaN: not measured
-        ("variance", "f8"),  # of the delay where stamps are exact
-    ]
-)
-RULES = np.dtype(
-    [
-        ("sog_variance", "f8"),
-        ("cog_variance", "f8"),
-        ("still_speed", "f8"),  # under which a report without COG says that the vessel stands
-        ("polar_speed", "f8"),  # at which COG begins to mean something
-        ("start_speed_variance", "f8"),
-        ("max_speed", "f8"),
-        ("acceleration", "f8"),  # of a ship, at most
-        ("stamp", "f8"),  # error of the time between two reports
-        ("stamp_most", "f8"),  # by which a report may be off along the track of its vessel
-        ("repeat", "f8"),  # the same position so soon is the same fix
-        ("patience_least", "f8"),
-        ("patience_factor", "f8"),
-        ("moving_a", "f8"),  # nominal intervals
-        ("moving_b", "f8"),
-        ("slow", "f8"),
-        ("first", "f8"),  # interval to expect before a second report shows it
-        ("slow_speed", "f8"),
-        ("anchor_speed", "f8"),  # under which a status of at anchor, moored or aground is believed
-        ("forget", "f8"),  # after which an MMSI is a new vessel
-        ("alarm", "f8"),
-        ("jump_speed", "f8"),  # by which a vessel may have been faster than it said before and after a silence
-        ("jump_least", "f8"),  # distance under which a report is no jump
-        ("jump_time", "f8"),  # silence after which a vessel may have gained speed and lost it again
-        ("reach", "f8"),  # from the anchor, before a new one is taken
-    ]
-)
-TAKEN, REPEAT, IMPOSSIBLE, CROWDED, DOUBTED = 0, 1, 2, 3, 4
-
 AT_ANCHOR, MOORED, AGROUND = 1, 5, 6  # ITU-R M.1371-5, table 48
-TOLERANCE_SIGMAS = 8.0  # of one report, between two
-JITTER_SIGMAS = 3.0  # of a time, between two
-WAY_SIGMAS = 4.0  # of a position, in the way that a change of velocity takes
-SWINGS = 150.0  # m, of a ship at anchor from one report to the next
-SPEED_MARGIN = 5.0  # m/s, change of velocity that noise alone can make
-SAME_COURSE = 0.94  # cosine of the largest angle between courses that are the same
-SAME_SPEED = 0.3  # largest difference of speeds that are the same, as a share
-TIMED_SPEED = 5.0  # m/s, from which the way sailed tells the time
-TIMED_S = 60.0  # longest time between two reports that does
 
 
 @jit
@@ -135,11 +68,11 @@ def _expire(vessel, time, rules):  # type: ignore[no-untyped-def]
 @jit
 def _update_vessel(vessel, report, rules, models, z, noise, work, outcome):  # type: ignore[no-untyped-def]
     """The verdict on a report, which goes to the track it fits, or opens one."""
-    best, shift, is_elsewhere = _choose(vessel, report, rules)
+    best, shift, is_elsewhere = chosen_track(vessel, report, rules)
     outcome.delay = math.nan
     if best >= 0:
-        outcome.delay, outcome.variance = _delay(vessel[best], report, rules)
-        if vessel[best].confirmed == 0 and not _takes_place(vessel, best, rules) and _is_alone(vessel, best):
+        outcome.delay, outcome.variance = delay_of_stamp(vessel[best], report, rules)
+        if vessel[best].confirmed == 0 and not takes_place(vessel, best, rules) and is_alone(vessel, best):
             vessel[best].alarm = report.time + rules.alarm
         return _update_track(vessel[best], report, shift, rules, models, (z, noise, work))
     free, known = -1, False
@@ -166,178 +99,14 @@ def _update_vessel(vessel, report, rules, models, z, noise, work, outcome):  # t
 
 
 @jit
-def _tolerance(report, other, rules):  # type: ignore[no-untyped-def]
-    """Distance beyond what max_speed allows that errors of two positions and times can make. Args: other: a report or track."""
-    variance = max(report.ee, report.nn, other.ee, other.nn)
-    time = rules.stamp + JITTER_SIGMAS * report.jitter + report.error + other.error
-    return TOLERANCE_SIGMAS * math.sqrt(variance) + rules.max_speed * time
-
-
-@jit
-def _choose(vessel, report, rules):  # type: ignore[no-untyped-def]
-    """The track that a ship could have come from, those not silent before the silent, then the nearest; -1 for none.
-
-    A report too far off for that may be on the track of its vessel with a wrong stamp. Then the second number is by how much, else 0.
-    The third: it is of a ship at rest, where another one with its MMSI lies still elsewhere: both are near enough for one ship, but ships
-    at rest do not go to and fro. Once a second track waits there, its ship may have moved: then the next report is of the nearer.
-    """
-    best, best_live, best_miss, best_shift, is_elsewhere = -1, False, np.inf, 0.0, False
-    for t in range(len(vessel)):
-        track = vessel[t]
-        if track.hits == 0:
-            break
-        dt, shift = report.time - track.updated, 0.0
-        east, north, up = to_enu(report.lat, report.lon, track.anchor_lat, track.anchor_lon)
-        east, north = east - mean_of(track, EAST), north - mean_of(track, NORTH)
-        radius = rules.max_speed * dt + _tolerance(report, track, rules)
-        # The plane folds the far half of the Earth onto the near one.
-        if up < -SEMI_MAJOR:
-            continue
-        if east * east + north * north > radius * radius:
-            shift = _shift(track, report, east, north, rules)
-            if shift == 0.0:
-                continue
-        elif track.confirmed == 1 and _lies_elsewhere(track, report, east, north, rules) and not _has_followed(vessel, track):
-            is_elsewhere = True
-            continue
-        live = dt <= track.patience
-        if live:
-            east, north = east - dt * mean_of(track, EAST_RATE), north - dt * mean_of(track, NORTH_RATE)
-        miss = east * east + north * north
-        if best < 0 or (live and not best_live) or (live == best_live and miss < best_miss):
-            best, best_live, best_miss, best_shift = t, live, miss, shift
-    return best, best_shift, is_elsewhere
-
-
-@jit
-def _lies_elsewhere(track, report, east, north, rules):  # type: ignore[no-untyped-def]
-    """Whether a track and a report are of two ships at rest. Args: east, north: from the newest position of the track."""
-    dt = report.time - track.updated
-    if not (report.sog <= rules.still_speed and track.sog <= rules.still_speed) or dt > track.patience:
-        return False
-    radius = SWINGS + rules.still_speed * dt + TOLERANCE_SIGMAS * math.sqrt(max(report.ee, report.nn, track.ee, track.nn))
-    return east * east + north * north > radius * radius
-
-
-@jit
-def _has_followed(vessel, track):  # type: ignore[no-untyped-def]
-    """Whether a second track, on trial, has begun since the newest report of a track."""
-    found = False
-    for t in range(len(vessel)):
-        found |= vessel[t].hits > 0 and vessel[t].confirmed == 0 and vessel[t].started > track.updated
-    return found
-
-
-@jit
-def _takes_place(vessel, trial, rules):  # type: ignore[no-untyped-def]
-    """Whether a track on trial goes on for one that lay still and has not been heard since: their ship has moved. In place."""
-    new = vessel[trial]
-    for t in range(len(vessel)):
-        old, dt = vessel[t], new.started - vessel[t].updated
-        if old.hits == 0 or old.confirmed == 0 or not 0.0 < dt <= old.patience:
-            continue
-        east, north = enu_offset(new.lat, new.lon, old.lat, old.lon)
-        radius = rules.max_speed * (dt + rules.stamp)
-        if old.sog <= rules.still_speed and east * east + north * north <= radius * radius:
-            new.number, new.started, old.hits = old.number, old.started, 0
-            return True
-    return False
-
-
-@jit
-def _shift(track, report, east, north, rules):  # type: ignore[no-untyped-def]
-    """By how much the stamp of a report is late, if it is on the way of a track at the track's velocity; 0 if it is not.
-
-    Args: east, north: from the newest position of the track.
-    """
-    ve, vn, dt = mean_of(track, EAST_RATE), mean_of(track, NORTH_RATE), report.time - track.updated
-    speed = math.sqrt(ve * ve + vn * vn)
-    if dt > track.patience or not abs(report.sog - speed) < SAME_SPEED * speed:
-        return 0.0
-    if not ve * math.sin(report.cog) + vn * math.cos(report.cog) > SAME_COURSE * speed:
-        return 0.0
-    east, north = east - dt * ve, north - dt * vn
-    ahead, aside = (east * ve + north * vn) / speed, (north * ve - east * vn) / speed
-    if abs(ahead) > rules.stamp_most * speed or abs(aside) > TOLERANCE_SIGMAS * math.sqrt(max(report.ee, report.nn)):
-        return 0.0
-    return -ahead / speed
-
-
-@jit
-def _delay(track, report, rules):  # type: ignore[no-untyped-def]
-    """How late a stamp is against the way sailed since the track's newest report, and the variance of that; NaN where it cannot be told.
-
-    Both reports must say about the same speed and course, and be of a vessel fast enough.
-    """
-    dt, speed = report.time - track.updated, 0.5 * (report.sog + track.sog)
-    fast = speed > TIMED_SPEED and dt <= TIMED_S and abs(report.sog - track.sog) < 0.1 * speed
-    if not (fast and math.cos(report.cog - track.cog) > SAME_COURSE):
-        return math.nan, math.nan
-    se, sn = math.sin(report.cog) + math.sin(track.cog), math.cos(report.cog) + math.cos(track.cog)
-    length = math.sqrt(se * se + sn * sn)
-    east, north = enu_offset(report.lat, report.lon, track.lat, track.lon)
-    delay = dt - (east * se + north * sn) / (length * speed)
-    position = 0.5 * (report.ee + report.nn + track.ee + track.nn)
-    return delay, (position + 0.5 * rules.sog_variance * dt * dt) / (speed * speed)
-
-
-@jit
-def _is_doubtful(track, report, rules):  # type: ignore[no-untyped-def]
-    """Whether no ship could have come to the velocity of a report from that of the track, and its positions do not show it either."""
-    if report.sog > rules.max_speed:
-        return True
-    dt = report.time - track.updated
-    if math.isnan(report.sog) or math.isnan(report.cog) or dt > track.patience:
-        return False
-    se, sn = report.sog * math.sin(report.cog), report.sog * math.cos(report.cog)
-    ve, vn = mean_of(track, EAST_RATE), mean_of(track, NORTH_RATE)
-    change = math.sqrt((se - ve) ** 2 + (sn - vn) ** 2)
-    if change <= SPEED_MARGIN or report.sog <= SPEED_MARGIN:
-        return False
-    east, north = enu_offset(report.lat, report.lon, track.lat, track.lon)
-    error = report.error + track.error
-    way = error * max(report.sog, math.sqrt(ve * ve + vn * vn))
-    # The last change of velocity takes at least this way beside the former velocity.
-    needed = (change - SPEED_MARGIN) ** 2 / (2.0 * rules.acceleration)
-    beside = ((east - dt * ve) * (se - ve) + (north - dt * vn) * (sn - vn)) / change
-    reached = change <= SPEED_MARGIN + rules.acceleration * (dt + error)
-    if reached and beside + way + WAY_SIGMAS * math.sqrt(max(report.ee, report.nn)) >= needed:
-        return False
-    return (east - se * dt) ** 2 + (north - sn * dt) ** 2 > (0.5 * report.sog * dt + way) ** 2
-
-
-@jit
-def _is_alone(vessel, own):  # type: ignore[no-untyped-def]
-    """Whether no other track of a vessel has had a report since one began: the vessel has jumped, or its sender is another."""
-    heard = 0
-    for t in range(len(vessel)):
-        if t != own and vessel[t].hits > 0 and vessel[t].updated > vessel[own].started:
-            heard += 1
-    return heard == 0
-
-
-@jit
-def _is_jump(track, report, rules):  # type: ignore[no-untyped-def]
-    """Whether a vessel could not have come to a report by the speeds that it said before its silence and says now, and a margin.
-
-    The margin grows with the square of a long silence: a ferry that is heard at two berths has sailed in between.
-    """
-    dt = report.time - track.updated
-    before = math.sqrt(mean_of(track, EAST_RATE) ** 2 + mean_of(track, NORTH_RATE) ** 2)
-    speed = max(before, 0.0 if math.isnan(report.sog) else report.sog) + rules.jump_speed * max(dt / rules.jump_time, 1.0) ** 2
-    east, north = enu_offset(report.lat, report.lon, track.lat, track.lon)
-    return math.sqrt(east * east + north * north) > max(speed * dt + _tolerance(report, track, rules), rules.jump_least)
-
-
-@jit
 def _update_track(track, report, shift, rules, models, work):  # type: ignore[no-untyped-def]
     """The verdict on a report that goes to this track. Args: shift: by which its stamp is wrong; work: z, noise, workspace of the IMM."""
     z, noise, workspace = work
     dt = report.time - track.updated
     if 0.0 < dt <= rules.repeat and report.lat == track.lat and report.lon == track.lon:
         return REPEAT
-    doubtful = _is_doubtful(track, report, rules)
-    if doubtful or _is_jump(track, report, rules):
+    doubtful = is_doubtful(track, report, rules)
+    if doubtful or is_jump(track, report, rules):
         track.alarm = report.time + rules.alarm
     if dt > track.patience:
         _initialise(track, report, rules, models, z, noise)
@@ -435,30 +204,6 @@ def measured(reports, rules):  # type: ignore[no-untyped-def]
 
 
 @jit
-def nearest_tracks(reports, tracks, time, rules):  # type: ignore[no-untyped-def]
-    """The track of its MMSI that each report is nearest to, among those that a ship could have come from; -1 for none. (M,)
-
-    Args: reports: REPORT, sorted by MMSI; tracks: MMSI (N,), sorted, time of the newest report (N,), position (N, 2) latitude, longitude,
-    velocity (N, 2), these at `time`; rules: RULES.
-    """
-    mmsi, updated, position, velocity = tracks
-    out, first = np.full(len(reports), -1, np.int64), 0
-    for m in range(len(reports)):
-        report, least = reports[m], np.inf
-        while first < len(mmsi) and mmsi[first] < report.mmsi:
-            first += 1
-        n = first
-        while n < len(mmsi) and mmsi[n] == report.mmsi:
-            east, north = enu_offset(report.lat, report.lon, position[n, 0], position[n, 1])
-            east, north = east - velocity[n, 0] * (report.time - time), north - velocity[n, 1] * (report.time - time)
-            miss = math.sqrt(east * east + north * north)
-            if miss < least and miss <= rules.max_speed * abs(updated[n] - report.time) + _tolerance(report, report, rules):
-                out[m], least = n, miss
-            n += 1
-    return out
-
-
-@jit
 def _initialise(track, report, rules, models, z, noise):  # type: ignore[no-untyped-def]
     """Begin the filter of a track anew from one report."""
     track.anchor_lat, track.anchor_lon = report.lat, report.lon
@@ -503,15 +248,6 @@ def rotate(mean, covariance, turn):  # type: ignore[no-untyped-def]
         for b in range(SIZE):
             east, north = covariance[b, a], covariance[b, a + 1]
             covariance[b, a], covariance[b, a + 1] = ee * east + en * north, ne * east + nn * north
-
-
-@jit
-def mean_of(track, component):  # type: ignore[no-untyped-def]
-    """One component of the state, averaged over the models."""
-    total = 0.0
-    for j in range(MODELS):
-        total += track.mode_probability[j] * track.state[j, component]
-    return total
 
 
 @jit

@@ -169,7 +169,7 @@ class AisFilter(Method):
             "jump_time": self.jump_s,
             "reach": REACH_M,
         }
-        rules = np.zeros(1, kernels.filters.ais_tracker.RULES)
+        rules = np.zeros(1, kernels.filters.ais_records.RULES)
         for name, value in one.items():
             rules[name] = value
         sigmas = self.position_sigma_m, self.unaided_sigma_m, self.position_sigma_m, self.low_accuracy_sigma_m
@@ -230,8 +230,8 @@ def measurements_of(fresh: Rows, tracks: Tracks, rules: np.void) -> Measurements
     AIS kernel.
     Where one MMSI has several tracks the nearest takes the report.
     """
-    kernel, time_s = kernels.filters.ais_tracker, float(tracks.time_s[0]) if len(tracks) else 0.0
-    track = kernel.nearest_tracks(
+    time_s = float(tracks.time_s[0]) if len(tracks) else 0.0
+    track = kernels.filters.ais_plausibility.nearest_tracks(
         fresh, (tracks.mmsi, tracks.updated_s, tracks.position_deg, tracks.velocity_m_s), time_s, rules
     )
     again = np.zeros(len(fresh), np.bool_)
@@ -243,7 +243,7 @@ def measurements_of(fresh: Rows, tracks: Tracks, rules: np.void) -> Measurements
     reports, track = fresh[taken], track[taken]
     order = np.lexsort((reports["time"], tracks.track_id[track]))
     reports, track = reports[order], track[order]
-    velocity, covariance = kernel.measured(reports, rules)
+    velocity, covariance = kernels.filters.ais_tracker.measured(reports, rules)
     n = len(reports)
     return Measurements(
         track_id=tracks.track_id[track],

@@ -23,7 +23,7 @@ from coastwatch.kernels.tables.lookup import find
 from coastwatch.tracks.ais.feed_clocks import FeedClocks
 
 Rows = Records
-"""Of coastwatch.kernels.filters.ais_tracker: REPORT or TRACK."""
+"""Of coastwatch.kernels.filters.ais_records: REPORT or TRACK."""
 
 NOT_COMPARED = ("error", "jitter", "nn", "en", "ee", "feed", "status")
 """Fields that order reports which are the same otherwise."""
@@ -31,13 +31,13 @@ NOT_COMPARED = ("error", "jitter", "nn", "en", "ee", "feed", "status")
 SLOTS = 4  # tracks of one MMSI at most, the one on trial included
 TOP_SOG_KN = 102.2  # ITU-R M.1371: greater values mean "not available", as does a COG of 360
 VERDICTS = ("repeated position", "impossible speed", "crowded", "doubtful velocity")
-"""Of coastwatch.kernels.filters.ais_tracker, from REPEAT on."""
+"""Of coastwatch.kernels.filters.ais_records, from REPEAT on."""
 
 
 class KernelSettings(NamedTuple):
     """The settings of a method as the kernel takes them."""
 
-    rules: np.void  # coastwatch.kernels.filters.ais_tracker.RULES
+    rules: np.void  # coastwatch.kernels.filters.ais_records.RULES
     models: Records  # (J,) coastwatch.kernels.filters.motion_models.MODEL
     position_variance: Floats  # (4,) m2 per axis, by PositionAccuracy + 1
     time_jitter_s: float | None  # of the times of all feeds; None: estimated
@@ -96,8 +96,8 @@ class Memory:
 def initial_memory() -> Memory:
     """The memory before the first cycle."""
 
-    nothing = Snapshot(-np.inf, np.zeros(0, kernels.filters.ais_tracker.TRACK))
-    return Memory(nothing, nothing, nothing, (), (), np.zeros(0, kernels.filters.ais_tracker.REPORT), 0, {}, FeedClocks.none())
+    nothing = Snapshot(-np.inf, np.zeros(0, kernels.filters.ais_records.TRACK))
+    return Memory(nothing, nothing, nothing, (), (), np.zeros(0, kernels.filters.ais_records.REPORT), 0, {}, FeedClocks.none())
 
 
 def in_order(reports: Rows) -> Ints:
@@ -123,7 +123,7 @@ def vessels(reports: Rows) -> tuple[Ints, Ints, Ints]:
 def records(reports: AisReports, settings: KernelSettings, jitter_s: Floats) -> Rows:
     """The reports as rows for the kernel, in SI and radians. Args: jitter_s: (F,) of the times of each feed."""
 
-    rows = np.empty(len(reports), kernels.filters.ais_tracker.REPORT)
+    rows = np.empty(len(reports), kernels.filters.ais_records.REPORT)
     rows["time"], rows["mmsi"] = reports.time_s, reports.mmsi
     rows["lat"], rows["lon"] = reports.position_deg[:, 0] + 0.0, reports.position_deg[:, 1] + 0.0  # no -0.0: bits are compared
     speed, course = reports.sog_kn, reports.cog_deg
@@ -238,7 +238,7 @@ def track_vessels(tracks: Rows, mmsi: Ints, reports: Rows, settings: KernelSetti
     """
     (low, high), (begin, end) = _rows_of_vessels(tracks, mmsi), _rows_of_vessels(reports, mmsi)
     update, of_kernel = kernels.filters.ais_tracker.update, (settings.rules, settings.models)
-    outcome = np.zeros(len(reports), kernels.filters.ais_tracker.OUTCOME)
+    outcome = np.zeros(len(reports), kernels.filters.ais_records.OUTCOME)
     if len(tracks):
         single = tracks[np.minimum(low, len(tracks) - 1)]
         single[low == high] = np.zeros(1, tracks.dtype)
@@ -294,7 +294,7 @@ def update_tracks(memory: Memory, fresh: Rows, settings: KernelSettings) -> tupl
     recent, old, refused = memory.recent, memory.old, dict(memory.refused)
     _count_verdicts(refused, outcome["verdict"])
     clocks = memory.clocks.updated(fresh["feed"][~behind], outcome["delay"], outcome["variance"])
-    doubted = np.flatnonzero(~behind)[outcome["verdict"] == kernels.filters.ais_tracker.DOUBTED]
+    doubted = np.flatnonzero(~behind)[outcome["verdict"] == kernels.filters.ais_records.DOUBTED]
     if late.any():
         old, recent, played = _replay(memory, mmsi[late], fresh[behind], settings, refused)
         rows = _merge(rows, played)
