@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from sqlalchemy import text
 
 from coastwatch import store as kept
 from coastwatch.errors import StoreError
-from coastwatch.geodesy import difference_m
+from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.store import Store
 from coastwatch.store.bbox import inside, widened
 from coastwatch.store.history_rule import dead_reckon
@@ -136,6 +137,26 @@ def test_encounters_are_those_of_all_pairs(tmp_path: Path) -> None:
             few = kept.encounters(store, run, bbox, *span, within_m=300.0, min_sog_kn=2.0, count=3)
             assert few.rows == found.rows[:3]
     assert met > 8
+
+
+def test_encounters_say_for_how_long_a_vessel_was_not_heard(tmp_path: Path) -> None:
+    """Of two that pass each other in cycle 20 the second is not heard after cycle 5: its position there is predicted."""
+    north_m, made = np.arange(CYCLES) - 20.0, []
+    for number in range(CYCLES):
+        place = offset_deg(
+            np.tile(past_world.PLACES[0], (2, 1)), 10.0 * np.array([[5.0, north_m[number]], [0.0, -north_m[number]]])
+        )
+        velocity = np.array([[0.0, 10.0], [0.0, -10.0]]) / world.PERIOD_S
+        picture = past_world.picture(np.arange(2), place, velocity, world.instant_s(number))
+        made.append(replace(picture, updated_s=np.array([world.instant_s(number), world.instant_s(min(number, 5))])))
+    with kept.open_store(str(tmp_path / "x.db")) as store:
+        run = world.begin(store)
+        past_world.write(store, run, made)
+        found = kept.encounters(store, run, widened(BOXES[0], 2000.0), world.instant_s(0), world.instant_s(CYCLES - 1))
+    (row,) = (dict(zip(found.columns, row, strict=True)) for row in found.rows)
+    assert (row["first_id"], row["second_id"]) == (1, 2)
+    assert abs(row["time_s"] - world.instant_s(20)) < 0.1
+    assert (row["first_silent_s"], round(row["second_silent_s"], 3)) == (0.0, round(row["time_s"] - world.instant_s(5), 3))
 
 
 def _closest(traffic: kept.Table, bbox: Any, span: tuple[float, float], min_sog: float) -> dict[tuple[int, int], float]:

@@ -42,11 +42,12 @@ def pictures(seed: int, cycles: int, vessels: int = 60, jumps: float = 0.0) -> l
         )
         there = there ^ (rng.random(vessels) < 0.03)
         k = np.flatnonzero(there)
-        made.append(_picture(k, place[k], velocity[k], world.instant_s(number)))
+        made.append(picture(k, place[k], velocity[k], world.instant_s(number)))
     return made
 
 
-def _picture(k: np.ndarray, place: np.ndarray, velocity: np.ndarray, time_s: float) -> Picture:
+def picture(k: np.ndarray, place: np.ndarray, velocity: np.ndarray, time_s: float) -> Picture:
+    """Vessels k + 1, all heard at this time. Args: place: (V, 2) degrees; velocity: (V, 2) m/s east and north."""
     n = len(k)
     seen, covariance = np.full(n, time_s), np.broadcast_to(np.eye(4), (n, 4, 4)).copy()
     mmsi = np.where(k % 2 == 1, 710_000_000 + k, -1)

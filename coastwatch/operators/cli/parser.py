@@ -324,7 +324,10 @@ def traffic(parser: Parser) -> None:
 
 @_command("encounters", "read:encounters", "show close encounters in a time span")
 def encounters(parser: Parser) -> None:
-    """Pairs of vessels that came close to each other in a box between two instants: when and where, the closest first."""
+    """Pairs of vessels that came close to each other in a box between two instants: when and where, the closest first.
+
+    `first_silent_s` and `second_silent_s` say for how long each had not been heard: so long its position is predicted.
+    """
     add_span(parser)
     parser.add_argument("--within", metavar="M", type=float, default=500.0, help="largest distance, m (default: 500)")
     text = "smallest speed of the faster of the two, kn (default: 1)"

@@ -19,12 +19,13 @@ from sqlalchemy import ColumnElement, Connection, false, func, or_, select, text
 from coastwatch.batches import Array, Bools, Floats, Ints
 from coastwatch.errors import StoreError
 from coastwatch.geodesy import scale_m_deg, wrap_deg
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.bbox import FASTEST_M_S, Box, widened
 from coastwatch.store.history_rule import rate_deg_s
 from coastwatch.store.rows import Rows, Table, fetch_arrays, is_one_of
 from coastwatch.store.runs import between, run_exists
 from coastwatch.store.schema.database import Store, reading
-from coastwatch.store.schema.tables import CYCLE, HISTORY, IDENTITY, PRESENCE
+from coastwatch.store.schema.tables import CYCLE, HISTORY, IDENTITY, PRESENCE, VESSEL
 
 scipy = lazy_loader.load("scipy")  # few questions need it
 
@@ -134,6 +135,7 @@ class Legs(NamedTuple):
     from_s: Floats
     to_s: Floats
     rate_deg_s: Floats  # (P, 2) north, east
+    heard_s: Floats  # (P, 2) when it had been heard last, at its beginning and at its end
 
     def take(self, rows: Array) -> Legs:
         """Some of them."""
@@ -142,7 +144,7 @@ class Legs(NamedTuple):
 
 def traffic(store: Store, run_id: int, bbox: Box, from_s: float, to_s: float) -> Table:
     """The points of the history from which vessels were in a box at some time between two instants, by vessel and time: vessel_id,
-    cycle, time_s, to_s (until when the vessel went on from there), latitude_deg, longitude_deg, sog_kn, cog_deg.
+    cycle, time_s, to_s (until when the vessel went on from there), latitude_deg, longitude_deg, sog_kn, cog_deg, mmsi.
 
     Args: bbox: south, west, north, east in degrees; west > east crosses the antimeridian.
     Raises: StoreError where there is no such run, or nothing is stored so early.
@@ -161,6 +163,7 @@ def traffic(store: Store, run_id: int, bbox: Box, from_s: float, to_s: float) ->
             "longitude_deg": legs.position_deg[:, 1],
             "sog_kn": legs.sog_kn,
             "cog_deg": legs.cog_deg,
+            "mmsi": legs.mmsi,
         }
     )
 
@@ -176,7 +179,8 @@ def encounters(
     count: int = 100,
 ) -> Rows:
     """Pairs of vessels that came close to each other while both were in a box between two instants, the closest first: first_id,
-    second_id, distance_m and time_s of the closest approach, where the first was, and speed and MMSI of both then.
+    second_id, distance_m and time_s of the closest approach, where the first was, speed and MMSI of both then, and for how many
+    seconds each had not been heard: so long its position is predicted. 0 where it was heard after that, before its next point.
 
     Args: bbox: as of `traffic`; within_m: of the closest approach; min_sog_kn: at least one of the two was as fast; count: how many
     at most.
@@ -197,6 +201,7 @@ def encounters(
     order = order[np.argsort(distance_m[order], kind="stable")][:count]
     first, second, when = legs.take(pair[order, 0]), legs.take(pair[order, 1]), time_s[order]
     position = first.position_deg + first.rate_deg_s * (when - first.from_s)[:, None]
+    silent_s = [np.maximum(when - legs.heard_s.max(axis=1), 0.0) for legs in (first, second)]
     named = {
         "first_id": first.vessel_id,
         "second_id": second.vessel_id,
@@ -208,6 +213,8 @@ def encounters(
         "second_sog_kn": second.sog_kn,
         "first_mmsi": first.mmsi,
         "second_mmsi": second.mmsi,
+        "first_silent_s": silent_s[0],
+        "second_silent_s": silent_s[1],
     }
     return Rows(tuple(named), Table.of(named).rows)
 
@@ -250,7 +257,7 @@ def _legs(connection: Connection, store: Store, run_id: int, bbox: Box, from_s: 
     start = int(number[0])  # earlier cycles may have been deleted
     oldest = np.where(oldest < 0, number, oldest)
     valid_s = float((time_s - time_s[np.clip(oldest - start, 0, None)]).max(initial=0.0) + np.diff(time_s).max(initial=0.0))
-    names = ("vessel_id", "cycle", *MOTION, "mmsi", "closing")
+    names = ("vessel_id", "cycle", *MOTION, "mmsi", "closing", "updated_s")
     p = points_in_box(connection, run_id, start, int(end), widened(bbox, valid_s * FASTEST_M_S), names)
     order = np.lexsort((p["cycle"], p["vessel_id"]))
     p = {name: column[order] for name, column in p.items()}
@@ -261,8 +268,24 @@ def _legs(connection: Connection, store: Store, run_id: int, bbox: Box, from_s: 
     ended_s[:-1] = np.where(same, np.minimum(ended_s[:-1], begun_s[1:]), ended_s[:-1])
     position = np.stack([p["latitude_deg"], p["longitude_deg"]], 1)
     rate = rate_deg_s(position, p["sog_kn"], p["cog_deg"])
-    legs = Legs(p["cycle"], p["vessel_id"], p["mmsi"], position, p["sog_kn"], p["cog_deg"], begun_s, ended_s, rate)
+    heard_s = np.stack([p["updated_s"], _heard_at_the_end(connection, run_id, p)], 1)
+    legs = Legs(p["cycle"], p["vessel_id"], p["mmsi"], position, p["sog_kn"], p["cog_deg"], begun_s, ended_s, rate, heard_s)
     return legs.take((p["closing"] == 0) & (ended_s >= begun_s))
+
+
+def _heard_at_the_end(connection: Connection, run_id: int, points: Mapping[str, Array]) -> Floats:
+    """When the vessel of each point had been heard last, as its next point says, or as is known of it now where there is none. (P,)
+
+    Args: points: vessel_id and updated_s, by vessel and time.
+    """
+    vessel, heard_s = points["vessel_id"], points["updated_s"]
+    v = VESSEL.c
+    ours = select(v.vessel_id, v.updated_s).where(v.run_id == run_id, is_one_of(connection, v.vessel_id, np.unique(vessel)))
+    known, newest_s = fetch_arrays(connection, ours.order_by(v.vessel_id))
+    row = find(known, vessel)
+    out = np.where(row >= 0, np.append(newest_s, np.nan)[row], heard_s)
+    out[:-1] = np.where(vessel[1:] == vessel[:-1], heard_s[1:], out[:-1])
+    return out
 
 
 def _time_in_box(legs: Legs, bbox: Box, from_s: float, to_s: float) -> tuple[Floats, Floats]:
