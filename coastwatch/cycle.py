@@ -113,6 +113,7 @@ def dropped(memory: Memory, sensors: Sensors) -> tuple[Fault, ...]:
     counts += [(f"plot dropped: {stamp}", f"tracks of {name}", region.dropped) for name, region in regions]
     counts += [(f"AIS report dropped: {reason}", "ais_tracks", count) for reason, count in m.ais_tracks.refused.items()]
     counts += [(f"bearing dropped: {stamp}", "bearing_tracks", m.bearing_tracks.dropped)]
+    counts += [("bearing not used: far from the others of its contact", "bearing_tracks", m.bearing_tracks.far_off)]
     counts += [
         (f"track state dropped: {stamp}, or a newer one is known", "received_tracks", int(m.received_tracks.dropped.sum()))
     ]

@@ -22,6 +22,9 @@ LATITUDES = f"latitude {-HIGHEST_LATITUDE_DEG:g} to {HIGHEST_LATITUDE_DEG:g}"
 MOST_RANGE_M = 500_000.0
 RANGE_SIGMA_M = 1e-3, 20_000.0
 AZIMUTH_SIGMA_DEG = 1e-5, 90.0
+CONTACTS = 2**40
+"""Contact numbers of one sensor of bearings."""
+
 MOST_SPEED_M_S = 110.0
 """Of a track of another system: more than 200 knots."""
 
@@ -54,6 +57,7 @@ def faults_of(batch: Bounded) -> dict[str, Bools]:
                 "bearing": ~(np.abs(batch.bearing_deg) <= 360.0),
                 f"site ({LATITUDES})": ~_is_on_earth(batch.site_deg),
                 "standard deviation of bearing": _no_sigma(batch.bearing_sigma_deg, AZIMUTH_SIGMA_DEG),
+                "contact number": batch.contact >= CONTACTS,
             }
         case AisReports():
             own = {f"position ({LATITUDES})": ~_is_on_earth(batch.position_deg)}

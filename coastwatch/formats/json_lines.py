@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from coastwatch.batches import BearingReports, RadarReports, Reports, Sensors, TrackReports
+from coastwatch.batches import BearingReports, Floats, RadarReports, Reports, Sensors, TrackReports
+from coastwatch.batches.limits import CONTACTS
 from coastwatch.formats.decoding import Counts, Item, Stamps, Waiting
 from coastwatch.formats.format import Format, SensorNames
 from coastwatch.formats.intake.faults import Tally
@@ -41,6 +42,8 @@ class Plot(_Line):
     azimuth_deg: Annotated[float, Field(ge=0.0, le=360.0)]  # true
     range_sigma_m: Positive | None = None
     azimuth_sigma_deg: Positive | None = None
+    site_latitude_deg: Latitude | None = None  # where the sensor was, if it moves
+    site_longitude_deg: Longitude | None = None
 
 
 class Bearing(_Line):
@@ -49,8 +52,10 @@ class Bearing(_Line):
     type: Literal["bearing"]
     sonar: str
     bearing_deg: Annotated[float, Field(ge=0.0, le=360.0)]  # true
-    contact: Annotated[int, Field(ge=0, lt=2**31)] = -1
+    contact: Annotated[int, Field(ge=0, lt=CONTACTS)] = -1
     bearing_sigma_deg: Positive | None = None
+    site_latitude_deg: Latitude | None = None  # where the sensor was, if it moves
+    site_longitude_deg: Longitude | None = None
 
 
 class Track(_Line):
@@ -138,7 +143,7 @@ class JsonDecoder:
             received_s=time_s,
             range_m=_numbers(lines, "range_m"),
             azimuth_deg=_numbers(lines, "azimuth_deg"),
-            site_deg=self._sensors.radars.site_deg[number],
+            site_deg=_sites(lines, self._sensors.radars.site_deg[number]),
             origin=np.full(len(lines), -1, np.int64),
             range_sigma_m=_numbers(lines, "range_sigma_m"),
             azimuth_sigma_deg=_numbers(lines, "azimuth_sigma_deg"),
@@ -152,7 +157,7 @@ class JsonDecoder:
             received_s=time_s,
             bearing_deg=_numbers(lines, "bearing_deg"),
             contact=np.array([line.contact for line in lines], np.int64),
-            site_deg=self._sensors.sonars.site_deg[number],
+            site_deg=_sites(lines, self._sensors.sonars.site_deg[number]),
             signature=none,
             origin=none,
             bearing_sigma_deg=_numbers(lines, "bearing_sigma_deg"),
@@ -191,20 +196,34 @@ def _numbers(lines: Any, name: str) -> Any:
     return np.array([math.nan if (value := getattr(line, name)) is None else value for line in lines], np.float64)
 
 
+def _sites(lines: Any, of_sensors: Floats) -> Floats:
+    """Where the sensor of each line was: as the line says, else as the scenario has it. Args: (M, 2). Returns: (M, 2)."""
+    said = np.stack([_numbers(lines, "site_latitude_deg"), _numbers(lines, "site_longitude_deg")], 1)
+    return np.where(np.isfinite(said).all(axis=1, keepdims=True), said, of_sensors)
+
+
 def encode(reports: Reports, names: SensorNames) -> list[bytes]:
-    """Lines of plots and bearings."""
+    """Lines of plots and bearings, with the place of the sensor and the standard deviations that are known."""
     radar, bearing = reports.radar, reports.bearing
     lines: list[dict[str, Any]] = []
     for k in range(len(radar)):
         line = {"type": "plot", "radar": str(names["plot"][radar.sensor[k]]), "time": float(radar.time_s[k])}
-        lines.append({**line, "range_m": float(radar.range_m[k]), "azimuth_deg": float(radar.azimuth_deg[k]) % 360.0})
+        line |= {"range_m": float(radar.range_m[k]), "azimuth_deg": float(radar.azimuth_deg[k]) % 360.0}
+        given = {"range_sigma_m": radar.range_sigma_m[k], "azimuth_sigma_deg": radar.azimuth_sigma_deg[k]}
+        lines.append(line | _known(given, radar.site_deg[k]))
     for k in range(len(bearing)):
         line = {"type": "bearing", "sonar": str(names["bearing"][bearing.sensor[k]]), "time": float(bearing.time_s[k])}
         line |= {"bearing_deg": float(bearing.bearing_deg[k]) % 360.0}
         if bearing.contact[k] >= 0:
             line["contact"] = int(bearing.contact[k])
-        lines.append(line)
+        lines.append(line | _known({"bearing_sigma_deg": bearing.bearing_sigma_deg[k]}, bearing.site_deg[k]))
     return [json.dumps(line).encode() for line in lines]
+
+
+def _known(given: dict[str, Any], site_deg: Floats) -> dict[str, float]:
+    """The fields of numbers that are known, and of the place of the sensor. Args: site_deg: (2,)."""
+    site = {"site_latitude_deg": site_deg[0], "site_longitude_deg": site_deg[1]}
+    return {name: float(value) for name, value in (given | site).items() if math.isfinite(value)}
 
 
 JSON = Format(

@@ -21,17 +21,24 @@ from coastwatch.batches import (
     Floats,
     Ints,
     Sensors,
+    Sonars,
 )
+from coastwatch.batches.limits import CONTACTS
 from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
-from coastwatch.tracks.bearing_looks import CONTACTS, few, near_in_bearing, rounds
+from coastwatch.tracks.bearing_looks import few, near_in_bearing, rounds
 from coastwatch.tracks.bearing_vessels import Predicted, chosen_pairs, in_crowd, predicted_bearings
 from coastwatch.tracks.inputs import BearingInput
 
 LINE_COLUMNS = ("sensor", "time_s", "bearing_rad", "weight")  # the data of a line fit
 GAIN = 100.0  # greater than any squared gate plus the logarithm of its width: every bearing in a gate has a positive gain
+PATIENCE = 2.5  # intervals of its sensor that a track waits for a bearing, if that is longer than `drop_after_s`
+NOISE_GAIN = 0.05  # share of the scatter of a cycle that is taken over
+NOISE_DOUBTED = 2.0  # variance over the stated one from which the stated one is not believed
+MOST_NOISE = 400.0
+FEWEST_SCATTERED = 6  # slots that tell the noise: a curve of three parameters goes through them
 SAME_SLOT = 0.75  # of the spacing: a clock that jitters by a quarter still fills one slot a report
 
 
@@ -55,8 +62,12 @@ class BearingMemory:
     precision: Floats  # (N, W) mean of `relative_weight` in the slot: 1 for reports without a variance of their own
     site_deg: Floats  # (N, W, 2)
     signatures: Ints  # (N, C) reports of each VesselClass
+    doubt_s: Floats  # (N,) of a bearing far from the others of its contact, not used until the next one agrees with it
+    doubt_rad: Floats  # (N,) NaN: none
     counter: Ints  # (K,) tracks that each sensor has had
+    noise: Floats  # (K,) variance of the bearings of each sensor, as learned, over the stated one
     dropped: int  # reports that are not finite or from the future
+    far_off: int  # bearings that were not used, as they were far from the others of their contact
     left_out: int  # reports beyond the counts of `bearing_looks`
 
     def check_rows(self) -> None:
@@ -74,10 +85,11 @@ class BearingMemory:
     def empty(window: int) -> BearingMemory:
         n, x, slots = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, window))
         sites, signatures = np.zeros((0, window, 2)), np.zeros((0, CLASSES), np.int64)
-        return BearingMemory(n, n, n, x, x, x, n, n, n, n, slots, slots, slots, slots, sites, signatures, n, 0, 0)
+        return BearingMemory(n, n, n, x, x, x, n, n, n, n, slots, slots, slots, slots, sites, signatures, x, x, n, x, 0, 0, 0)
 
 
-ROWS = tuple(f.name for f in fields(BearingMemory) if f.name not in ("counter", "dropped", "left_out"))
+COUNTS = ("dropped", "far_off", "left_out")
+ROWS = tuple(f.name for f in fields(BearingMemory) if f.name not in ("counter", "noise", *COUNTS))
 MEASURED = ("measured_weight", "measured_s", "measured_rad", "measured_site_deg")  # means over the bearings of this cycle
 CYCLE = (*MEASURED, "certainty")
 OWN, OF_VESSEL = -1, -2  # contact of our own tracks; that of a track of vessel v is OF_VESSEL - v
@@ -89,35 +101,67 @@ EMPTY = {
     "site_deg": np.nan,
     "begin_s": np.nan,
     "certainty": np.nan,
+    "doubt_s": np.nan,
+    "doubt_rad": np.nan,
 }
 
 
 class Windows:
     """Copies of the columns of a BearingMemory under their names, to be written during a cycle."""
 
-    def __init__(self, memory: BearingMemory, spacing_s: float, first_id: Ints, sigma_rad: Floats) -> None:
-        """Args: spacing_s: of slots; first_id: (K,) the first track id of each sensor; sigma_rad: (K,) of its bearings."""
+    def __init__(self, memory: BearingMemory, settings: BearingWindow, first_id: Ints, stated: Sonars) -> None:
+        """Args: first_id: (K,) the first track id of each sensor; stated: the sensors as the scenario has them."""
         self.column: dict[str, Array] = {name: getattr(memory, name).copy() for name in ROWS}
         n = len(memory.track_id)
         self.column |= {name: np.zeros((n, 2) if name == "measured_site_deg" else n) for name in MEASURED}
         self.column["certainty"] = np.full(n, np.nan)
-        self.counter = memory.counter.copy() if len(memory.counter) == len(first_id) else np.zeros(len(first_id), np.int64)
-        self.spacing_s, self.first_id, self.sigma_rad = spacing_s, first_id, sigma_rad
+        is_known = len(memory.counter) == len(first_id)
+        self.counter = memory.counter.copy() if is_known else np.zeros(len(first_id), np.int64)
+        self.noise = memory.noise.copy() if is_known else np.ones(len(first_id))
+        self.settings, self.spacing_s, self.first_id = settings, settings.window_s / settings.length, first_id
+        self.sigma_rad = stated.bearing_sigma_rad
+        self.noise_rad = self.sigma_rad * np.sqrt(np.where(self.noise < NOISE_DOUBTED, 1.0, self.noise))
+        self.drop_after_s = np.maximum(settings.drop_after_s, PATIENCE * stated.interval_s)
+        self.far_off = 0
 
-    def update_contacts(self, reports: BearingReports, drop_after_s: float) -> None:
-        """Updates tracks by one report of each of some contacts. A contact silent for longer than `drop_after_s` begins a new track."""
+    def update_contacts(self, reports: BearingReports) -> None:
+        """Updates tracks by one report of each of some contacts. A contact that was silent for too long begins a new track.
+
+        So does one whose last two bearings agree with each other, and not with those before: its number is another vessel's now. A
+        single bearing far from the others is not used.
+        """
         c = self.column
         wanted = reports.sensor * CONTACTS + reports.contact
         rows = np.flatnonzero(c["contact"] >= 0)
         row = np.append(rows, -1)[row_of(c["sensor"][rows] * CONTACTS + c["contact"][rows], wanted)]
-        silent = (row >= 0) & (reports.time_s - np.append(c["updated_s"], np.nan)[row] > drop_after_s)
-        silent_rows = np.zeros(len(c["sensor"]), bool)
-        silent_rows[row[silent]] = True
-        known = (row >= 0) & ~silent
-        self.update(row[known], reports.take(known))
-        if silent.any():
-            self.keep(~silent_rows)
-        self.initialise(reports.take(~known))
+        ended = (row >= 0) & (reports.time_s - np.append(c["updated_s"], np.nan)[row] > self.drop_after_s[reports.sensor])
+        known = np.flatnonzero((row >= 0) & ~ended)
+        far, agrees = self._is_far_off(row[known], reports.take(known))
+        ended[known[far & agrees]] = True
+        doubted = known[far & ~agrees]
+        c["doubt_s"][row[doubted]] = reports.time_s[doubted]
+        c["doubt_rad"][row[doubted]] = wrap_rad(np.radians(reports.bearing_deg[doubted]))
+        self.far_off += int(far.sum())
+        self.update(row[known[~far]], reports.take(known[~far]))
+        begun = reports.take((row < 0) | ended)
+        if ended.any():
+            others = np.ones(len(c["sensor"]), np.bool_)
+            others[row[ended]] = False
+            self.keep(others)
+        self.initialise(begun)
+
+    def _is_far_off(self, row: Ints, reports: BearingReports) -> tuple[Bools, Bools]:
+        """Which bearings no vessel at sea could have after those of their contact, and which of them agree with one before. (M,), (M,)"""
+        c, turn_rad_s = self.column, np.radians(self.settings.rate_sigma_deg_s)
+        window = {name: c[name][row] for name in LINE_COLUMNS}
+        bearing, _, covariance = self.settings.line(window, reports.time_s, self.noise_rad)
+        own = self.noise_rad[reports.sensor] ** 2 / relative_weight(reports, self.sigma_rad)
+        said, limit = wrap_rad(np.radians(reports.bearing_deg)), self.settings.far_off_sigmas**2
+        turned = (turn_rad_s * np.maximum(reports.time_s - c["updated_s"][row], self.spacing_s)) ** 2
+        far = wrap_rad(said - bearing) ** 2 > limit * (covariance[:, 0, 0] + own + turned)
+        far &= reports.time_s > c["updated_s"][row]
+        turned = (turn_rad_s * np.maximum(reports.time_s - c["doubt_s"][row], self.spacing_s)) ** 2
+        return far, wrap_rad(said - c["doubt_rad"][row]) ** 2 <= limit * (2.0 * own + turned)
 
     def update(self, row: Ints, reports: BearingReports) -> None:
         """Enters one report into the window of each of these rows, unless the row has a newer one."""
@@ -130,6 +174,7 @@ class Windows:
         self._average_into_slot(row[same], reports.take(same))
         c["updated_s"][row], c["origin"][row] = reports.time_s, reports.origin
         c["hits"][row] += 1
+        c["doubt_s"][row] = c["doubt_rad"][row] = np.nan
         classified = reports.signature >= 0
         c["signatures"][row[classified], reports.signature[classified]] += 1
 
@@ -215,11 +260,23 @@ class Windows:
         if not rows.all():
             self.column = {name: values[rows] for name, values in self.column.items()}
 
-    def memory(self, dropped: int, left_out: int) -> BearingMemory:
-        """The columns, sorted by track_id. Args: reports that were dropped, and left out, up to now."""
+    def learn_noise(self) -> None:
+        """Learns the noise of each sensor from how far the bearings of tracks heard in this cycle are from a smooth curve through them."""
+        c = self.column
+        heard = np.flatnonzero(c["measured_weight"] > 0.0)
+        ratio = self.settings.scatter({name: c[name][heard] for name in LINE_COLUMNS}, self.sigma_rad)
+        known = np.isfinite(ratio)
+        count, median = kernels.bearings.candidates.median_of_groups(c["sensor"][heard[known]], ratio[known], len(self.noise))
+        some = count > 0
+        self.noise[some] += NOISE_GAIN * (np.minimum(median[some], MOST_NOISE) - self.noise[some])
+
+    def memory(self, dropped: int, far_off: int, left_out: int) -> BearingMemory:
+        """The columns, sorted by track_id. Args: reports that were dropped, far off and left out, up to now."""
         order = np.argsort(self.column["track_id"], kind="stable")
         columns = {name: self.column[name][order] for name in ROWS}
-        return BearingMemory(**columns, counter=self.counter, dropped=dropped, left_out=left_out)
+        return BearingMemory(
+            **columns, counter=self.counter, noise=self.noise, dropped=dropped, far_off=far_off, left_out=left_out
+        )
 
     def measured(self) -> dict[str, Array]:
         """Mean of the bearings of this cycle, its weight, 0 where there was none, and its certainty; sorted by track_id."""
@@ -251,7 +308,9 @@ class BearingWindow(Method):
 
     Bearings fall into slots of `window_s / length` seconds that hold their mean, so that a camera needs no more memory than a
     sonar. Bearing and rate are the least squares line through the newest `rate_length` slots, the rate with a wide prior, so
-    that one bearing is enough. A report that is not newer than what its contact already has is left out.
+    that one bearing is enough. A report that is not newer than what its contact already has is left out. So is a bearing of a
+    numbered contact far from the others, unless the next one agrees with it: then a new track begins.
+    Where bearings scatter more than stated, by twice the variance or more, the variance that is learned is used.
     Own tracks: at each look of the sensor, bearings are assigned one to one to the tracks whose prediction is within
     `gate_sigmas`; what is left begins new tracks. A track is yielded once `start_hits` of its first `start_looks` looks had a
     bearing, and ends after `end_misses` looks without. Every track ends when it is silent for longer than `drop_after_s`.
@@ -268,7 +327,8 @@ class BearingWindow(Method):
     length: Annotated[int, Field(ge=2, le=1000)] = 100  # slots
     rate_length: Annotated[int, Field(ge=2)] = 10  # slots
     rate_sigma_deg_s: Positive = 0.5  # standard deviation of bearing rates before anything is known
-    drop_after_s: Positive = 30.0
+    drop_after_s: Positive = 30.0  # of silence, or 2.5 intervals of the sensor
+    far_off_sigmas: Positive = 5.0  # of a bearing from the others of its contact, from which it is doubted
     gate_sigmas: Positive = 3.5
     start_hits: Count = 3
     start_looks: Count = 5
@@ -296,7 +356,8 @@ class BearingWindow(Method):
         if not len(sensors.sonars):
             return memory, BearingTracks.empty(W=self.length)
         first = (sensors.sonar_source(0) + np.arange(len(sensors.sonars))) * ID_STRIDE
-        windows = Windows(memory, self.window_s / self.length, first, sensors.sonars.bearing_sigma_rad)
+        windows = Windows(memory, self, first, sensors.sonars)
+        sensors = replace(sensors, sonars=replace(sensors.sonars, bearing_sigma_rad=windows.noise_rad))
         keys = (reports.bearing_deg, reports.contact, reports.sensor, reports.time_s)
         order = np.lexsort(keys)
         usable = np.isfinite(reports.bearing_deg) & np.isfinite(reports.time_s) & (reports.time_s <= time_s + self.ahead_s)
@@ -306,17 +367,19 @@ class BearingWindow(Method):
         left_out, reports = memory.left_out + int((~used).sum()), reports.take(used)
         numbered, own = reports.take(reports.contact >= 0), reports.take(reports.contact < 0)
         for rows in rounds(numbered.sensor * CONTACTS + numbered.contact, np.arange(len(numbered))):
-            windows.update_contacts(numbered.take(rows), self.drop_after_s)
+            windows.update_contacts(numbered.take(rows))
         own = replace(own, contact=np.full(len(own), OWN))
         for rows in rounds(own.sensor, own.time_s):  # a look is the reports of one sensor at one time
             self._look(windows, own.take(rows), expected, sensors)
-        windows.keep(time_s - windows.column["updated_s"] <= self.drop_after_s)
-        after = windows.memory(dropped, left_out)
+        windows.learn_noise()
+        c = windows.column
+        windows.keep(time_s - c["updated_s"] <= windows.drop_after_s[c["sensor"]])
+        after = windows.memory(dropped, memory.far_off + windows.far_off, left_out)
         return after, self._tracks(after, windows.measured(), time_s, sensors)
 
     def _look(self, windows: Windows, reports: BearingReports, expected: ExpectedVessels, sensors: Sensors) -> None:
         """One look of each of some sensors that do not number contacts: assign, begin and end tracks."""
-        c, sigma_rad = windows.column, sensors.sonars.bearing_sigma_rad
+        c = windows.column
         reports = reports.take(np.argsort(reports.sensor, kind="stable"))
         start = np.searchsorted(reports.sensor, c["sensor"])
         count = np.searchsorted(reports.sensor, c["sensor"], side="right") - start
@@ -324,7 +387,7 @@ class BearingWindow(Method):
         time_s = reports.time_s[start[looked]]
         hit, begun, rest = self._of_vessels(windows, reports, expected, sensors)
         seen = np.flatnonzero(c["contact"][looked] == OWN)
-        pair, report = self._of_own_tracks(windows, looked[seen], time_s[seen], rest, sigma_rad)
+        pair, report = self._of_own_tracks(windows, looked[seen], time_s[seen], rest)
         windows.update(pair, rest.take(report))
         windows.count_look(looked, np.append(hit, pair))
         ended = (c["misses"] >= self.end_misses) | ((c["looks"] >= self.start_looks) & (c["hits"] < self.start_hits))
@@ -353,9 +416,7 @@ class BearingWindow(Method):
         c["contact"][of_vessel[lost]] = OWN
         if not len(predicted.sensor):
             return of_vessel[:0], reports.take(of_vessel[:0]), reports
-        noise = sensors.sonars.bearing_sigma_rad[reports.sensor] ** 2 / relative_weight(
-            reports, sensors.sonars.bearing_sigma_rad
-        )
+        noise = sensors.sonars.bearing_sigma_rad[reports.sensor] ** 2 / relative_weight(reports, windows.sigma_rad)
         widest = np.zeros(len(sensors.sonars))
         np.maximum.at(widest, reports.sensor, noise)
         half = self.gate_sigmas * np.sqrt(predicted.variance + widest[predicted.sensor])
@@ -374,16 +435,14 @@ class BearingWindow(Method):
         c["certainty"][hit] = np.fmin(c["certainty"][hit], certainty[known])
         return hit, found.take(~known), reports.take(rest)
 
-    def _of_own_tracks(
-        self, windows: Windows, seen: Ints, time_s: Floats, reports: BearingReports, sigma_rad: Floats
-    ) -> tuple[Ints, Ints]:
+    def _of_own_tracks(self, windows: Windows, seen: Ints, time_s: Floats, reports: BearingReports) -> tuple[Ints, Ints]:
         """The best one-to-one pairs of our own tracks and bearings of a look: rows of tracks (B,) and of reports (B,).
 
         Args: seen: (T,) rows of tracks whose sensor had the look; time_s: (T,) of it; reports: (M,) sorted by sensor.
         """
-        c = windows.column
-        bearing, _, covariance = self._line({k: c[k][seen] for k in LINE_COLUMNS}, time_s, sigma_rad)
-        weight = relative_weight(reports, sigma_rad)
+        c, sigma_rad = windows.column, windows.noise_rad
+        bearing, _, covariance = self.line({k: c[k][seen] for k in LINE_COLUMNS}, time_s, sigma_rad)
+        weight = relative_weight(reports, windows.sigma_rad)
         widest = np.zeros(len(sigma_rad))
         np.maximum.at(widest, reports.sensor, sigma_rad[reports.sensor] ** 2 / weight)
         half = self.gate_sigmas * np.sqrt(covariance[:, 0, 0] + widest[c["sensor"][seen]])
@@ -399,7 +458,7 @@ class BearingWindow(Method):
         )
         return seen[pair[chosen]], report[chosen]
 
-    def _line(self, window: Mapping[str, Array], time_s: Array, sigma_rad: Floats) -> tuple[Floats, Floats, Floats]:
+    def line(self, window: Mapping[str, Array], time_s: Array, sigma_rad: Floats) -> tuple[Floats, Floats, Floats]:
         """Bearing (N,), rate (N,) and covariance (N, 2, 2) at these times by least squares through the newest slots."""
         weight = window["weight"][:, -self.rate_length :]
         last = window["bearing_rad"][:, -1]
@@ -419,10 +478,25 @@ class BearingWindow(Method):
         rows = [[p00 + 2.0 * ahead * p01 + ahead**2 * p11, across], [across, p11]]
         return bearing, rate, np.moveaxis(np.array(rows), 2, 0)
 
+    def scatter(self, window: Mapping[str, Array], sigma_rad: Floats) -> Floats:
+        """Mean squared distance of the newest slots from a parabola through them, over that of the noise; NaN of too few. (N,)"""
+        weight = window["weight"][:, -self.rate_length :]
+        there = weight > 0.0
+        t = np.where(there, window["time_s"][:, -self.rate_length :] - window["time_s"][:, -1:], 0.0)
+        y = np.where(there, wrap_rad(window["bearing_rad"][:, -self.rate_length :] - window["bearing_rad"][:, -1:]), 0.0)
+        out, some = np.full(len(y), np.nan), np.flatnonzero(there.sum(axis=1) >= FEWEST_SCATTERED)
+        t, y, weight = t[some] / np.maximum(-t[some].min(axis=1, keepdims=True), 1e-9), y[some], weight[some]
+        power = t[:, :, None] ** np.arange(3)
+        normal = np.einsum("nwa,nw,nwb->nab", power, weight, power) + 1e-9 * np.eye(3)
+        curve = np.linalg.solve(normal, np.einsum("nwa,nw,nw->na", power, weight, y)[:, :, None])
+        off2 = (weight * (y - (power @ curve)[:, :, 0]) ** 2).sum(axis=1)
+        out[some] = off2 / ((weight > 0.0).sum(axis=1) - 3) / sigma_rad[window["sensor"][some]] ** 2
+        return out
+
     def _tracks(self, memory: BearingMemory, measured: Mapping[str, Array], time_s: float, sensors: Sensors) -> BearingTracks:
         out = np.flatnonzero((memory.contact >= 0) | (memory.hits >= self.start_hits))
         window = {name: getattr(memory, name)[out] for name in LINE_COLUMNS}
-        bearing, rate, covariance = self._line(window, np.full(len(out), time_s), sensors.sonars.bearing_sigma_rad)
+        bearing, rate, covariance = self.line(window, np.full(len(out), time_s), sensors.sonars.bearing_sigma_rad)
         old = ~(window["time_s"] >= time_s - self.window_s)
         site, sigma = memory.site_deg[out], sensors.sonars.bearing_sigma_rad[memory.sensor[out]]
         weight, measured_s, measured_rad, measured_site_deg, certainty = (measured[name][out] for name in CYCLE)

@@ -11,9 +11,9 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import Array, BearingReports, Bools, Floats, Ints
+from coastwatch.batches.limits import CONTACTS
 from coastwatch.geodesy import wrap_rad
 
-CONTACTS = 2**40  # contact numbers of one sensor
 MOST_OWN, MOST_NUMBERED = 2000, 300
 """Bearings without a contact number of one sensor, and bearings of one numbered contact, that are used in `SHARE_S` of a cycle."""
 

@@ -515,8 +515,8 @@ def test_standard_deviations_of_plots_and_bearings_are_read(tmp_path: Path) -> N
     )
     made = Tables(plots=(plots,)).load(sensors(), 1, PLAN)
     radar = made.whole().radar
-    np.testing.assert_array_equal(radar.range_sigma_m, [7.0, np.nan, 0.0])
-    np.testing.assert_array_equal(radar.azimuth_sigma_deg, [0.5, np.nan, -1.0])
+    np.testing.assert_array_equal(radar.range_sigma_m, [7.0, np.nan, np.nan])
+    np.testing.assert_array_equal(radar.azimuth_sigma_deg, [0.5, np.nan, np.nan])
     assert {f.kind.split(": ")[-1]: f.where for f in made.faults} == {"range": "plots.csv:4", "azimuth": "plots.csv:4"}
     site = sensors().radars.site_deg[0]
     east = from_plane(np.array([2000.0, 0.0]), site)
@@ -527,9 +527,9 @@ def test_standard_deviations_of_plots_and_bearings_are_read(tmp_path: Path) -> N
     radar = Tables(plots=(places,)).load(sensors(), 1, PLAN).whole().radar
     np.testing.assert_allclose(radar.range_sigma_m, 10.0, rtol=1e-3)
     np.testing.assert_allclose(np.radians(radar.azimuth_sigma_deg) * 2000.0, 40.0, rtol=1e-3)
-    bearings.write_text(f"time,sonar,bearing_deg,bearing_sigma_deg\n{T0},mast,10,2.5\n{T0 + 1},mast,11,\n")
+    bearings.write_text(f"time,sonar,bearing_deg,bearing_sigma_deg\n{T0},mast,10,2.5\n{T0 + 1},mast,11,\n{T0 + 2},mast,12,0\n")
     bearing = Tables(bearings=(bearings,)).load(sensors(), 1, PLAN).whole().bearing
-    np.testing.assert_array_equal(bearing.bearing_sigma_deg, [2.5, np.nan])
+    np.testing.assert_array_equal(bearing.bearing_sigma_deg, [2.5, np.nan, np.nan])
 
 
 def test_senders_that_are_no_vessel_are_set_aside_by_class_or_number(tmp_path: Path) -> None:

@@ -166,6 +166,58 @@ def test_a_bearing_ahead_within_the_limit_is_used_and_one_that_is_not_finite_is_
     assert memory.dropped == 3
 
 
+def steady(wild: dict[int, float], count: int = 20, contact: int = 3) -> list[BearingReports]:
+    """A bearing each 3 s of a contact at 10 deg, but for those of some cycles."""
+    return [say(0, 3.0 * (k + 1), wild.get(k, 10.0), contact) for k in range(count)]
+
+
+@pytest.mark.parametrize("wild_deg", [30.0, 100.0, 190.0])
+def test_one_bearing_far_from_the_others_of_its_contact_is_not_used_and_counted(wild_deg: float) -> None:
+    """It cost the contact its vessel for five minutes."""
+    want, _ = play(BearingWindow(), steady({}), two_sensors())
+    memory, tracks = play(BearingWindow(), steady({12: wild_deg, 15: wild_deg + 60.0}), two_sensors())
+    assert (memory.far_off, want.far_off) == (2, 0)
+    assert memory.track_id.tolist() == want.track_id.tolist()
+    assert np.degrees(tracks.bearing_rad) == pytest.approx([10.0])
+    assert load(save(memory)).far_off == 2
+
+
+def test_two_bearings_in_a_row_that_agree_are_another_vessel_under_the_number() -> None:
+    memory, tracks = play(BearingWindow(), steady(dict.fromkeys(range(12, 20), 100.0)), two_sensors())
+    assert np.degrees(tracks.bearing_rad) == pytest.approx([100.0])
+    assert tracks.started_s.tolist() == [START + 3.0 * 14]
+    assert memory.hits.tolist() == [7]
+
+
+def test_two_vessels_under_one_number_are_not_averaged() -> None:
+    both = [say(0, [3.0 * (k + 1) - 0.01, 3.0 * (k + 1)], [40.0, 130.0], 1) for k in range(20)]
+    memory, tracks = play(BearingWindow(), both, two_sensors())
+    assert np.degrees(tracks.bearing_rad) == pytest.approx([40.0])
+    assert memory.far_off == 20
+
+
+@pytest.mark.parametrize("true_deg", [1.0, 2.0, 4.0])
+def test_noise_beyond_the_stated_one_is_learned(true_deg: float) -> None:
+    """Stated is one degree."""
+    rng, count = np.random.default_rng([7, int(true_deg)]), 200
+    contacts = np.arange(6)
+    said = [say(0, np.full(6, 3.0 * (k + 1)), 60.0 * contacts + true_deg * rng.normal(size=6), contacts) for k in range(count)]
+    memory, tracks = play(BearingWindow(), said, two_sensors())
+    assert np.sqrt(memory.noise[0]) == pytest.approx(true_deg, rel=0.25)
+    stated = two_sensors().sonars.bearing_sigma_rad[0]
+    used = np.sqrt(tracks.window_variance[:, -1]) / stated
+    assert used == pytest.approx(np.full(6, np.sqrt(memory.noise[0]) if true_deg > 1.0 else 1.0), rel=0.02)
+
+
+def test_a_slow_sensor_keeps_its_contacts_for_some_intervals() -> None:
+    slow = two_sensors()
+    slow = replace(slow, sonars=replace(slow.sonars, interval_s=np.array([60.0, 3.0])))
+    slowly = [say(0, 60.0 * (k // 20 + 1), 10.0, 3) if k % 20 == 19 else say(0, [], [], []) for k in range(100)]
+    for sensors, begun in ((slow, 1), (two_sensors(), 5)):
+        memory, _ = play(BearingWindow(), slowly, sensors)
+        assert memory.counter.tolist() == [begun, 0]
+
+
 def test_fast_reports_share_slots_and_lose_no_precision() -> None:
     rng = np.random.default_rng([1, 3])
     sensors = two_sensors()
@@ -278,11 +330,11 @@ def test_the_bearings_of_a_cycle_are_one_measurement_that_counts_by_its_share_of
     sensors = two_sensors()
     times = np.arange(0.125, 1.01, 0.125)
     cycles = [say(0, times + k, 359.0 + 2.0 * times, 4) for k in range(2)]
-    cycles[1] = say(0, times + 1.0, 10.0 + 8.0 * times, 4)
+    cycles[1] = say(0, times + 1.0, 3.0 + 4.0 * times, 4)
     _, tracks = play(BearingWindow(), cycles, sensors, 1.0)
     sigma_rad = sensors.sonars.bearing_sigma_rad[0]
     assert tracks.measured_s - START == pytest.approx([1.0 + times.mean()], abs=1e-6)
-    assert np.degrees(tracks.measured_rad) == pytest.approx([10.0 + 8.0 * times.mean()])
+    assert np.degrees(tracks.measured_rad) == pytest.approx([3.0 + 4.0 * times.mean()])
     assert tracks.measured_variance == pytest.approx([3.0 * sigma_rad**2])
     np.testing.assert_array_equal(tracks.measured_site_deg, bw.ORIGIN_DEG[None])
     _, tracks = play(BearingWindow(), cycles[:1], sensors, 1.0)

@@ -11,6 +11,8 @@ from coastwatch.kernels.arrays import Floats, Ints
 from coastwatch.kernels.geometry.ellipsoid import ecef_and_axes
 from coastwatch.kernels.jit import jit
 
+AHEAD_S = 5.0  # by which a bearing may be later than the newest positions
+
 
 class BearingWindows(NamedTuple):
     """The newest W bearings of N tracks, and what is known of the sensor of each track."""
@@ -47,6 +49,7 @@ under the null hypothesis; ECEF position and plane of the sensor."""
 def sample_window(i, windows, positions, memory, null, out):  # type: ignore[no-untyped-def]
     """The bearings of track i, newest first, as long as there are positions before and after them.
 
+    The clock of a sensor may be ahead: after the newest positions vessels go on as between the last two, for AHEAD_S at most.
     Args: memory: correlation time of position errors, s; null: (W + 1,) of `unknown_log_density`; out: (W,) SAMPLE, written.
     Returns: how many there are.
     """
@@ -61,7 +64,7 @@ def sample_window(i, windows, positions, memory, null, out):  # type: ignore[no-
         while after < len(instant) - 1 and instant[after] < time[i, k]:
             after += 1
         s.weight = (time[i, k] - instant[after - 1]) / (instant[after] - instant[after - 1])
-        if not 0.0 <= s.weight <= 1.0:
+        if not s.weight >= 0.0 or time[i, k] > instant[after] + AHEAD_S:
             return n
         s.before, s.after = positions.column[after - 1], positions.column[after]
         s.bearing, s.variance, s.log_density = bearing[i, k] - windows.bias[i], windows.variance[i, k], null[n + 1]

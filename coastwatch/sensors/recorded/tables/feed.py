@@ -326,9 +326,14 @@ def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarR
         range_m=range_m[rows],
         azimuth_deg=azimuth_deg[rows] % 360.0,
         site_deg=site[rows],
-        range_sigma_m=range_sigma[rows],
-        azimuth_sigma_deg=azimuth_sigma[rows],
+        range_sigma_m=_or_unknown(range_sigma[rows]),
+        azimuth_sigma_deg=_or_unknown(azimuth_sigma[rows]),
     )
+
+
+def _or_unknown(sigma: Floats) -> Floats:
+    """Standard deviations, NaN for one of 0 or less: that of the sensor is taken."""
+    return np.where(sigma > 0.0, sigma, np.nan)
 
 
 def _plot_sigmas(values: dict[str, Floats], range_m: Floats, azimuth_deg: Floats, polar: bool) -> tuple[Floats, Floats]:
@@ -378,7 +383,7 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
         contact=np.nan_to_num(values["contact"], nan=-1.0).astype(np.int64)[rows],
         site_deg=_sites(values, sonars.site_deg, sensor)[rows],
         signature=np.where(is_class, values["signature"], -1.0).astype(np.int64)[rows],
-        bearing_sigma_deg=values["bearing_sigma"][rows],
+        bearing_sigma_deg=_or_unknown(values["bearing_sigma"][rows]),
     )
 
 

@@ -35,6 +35,9 @@ Separator = Annotated[str, Field(pattern=r"^(auto|.)$")]
 REPEATED = "_duplicated_"  # polars names the second column of a name so, with a number
 SEPARATORS = (",", ";", "\t", "|")
 VALUE = re.compile(rf"[-+]?\d[-+\d.:,TZ/ ]*([eE][-+]?\d+)?({REPEATED}\d+)?")  # a number or a time, where a name should be
+SAID_SEPARATOR = r"\ufeff?sep=(.)"
+FIRST_LINES = 100  # of a file, by which its separator and its header are found
+FEWEST_CELLS = 3  # of a header: time, latitude, longitude
 LINE_BREAKER = "\x1f"  # the ASCII unit separator, which no line of a table contains
 CLOCKS = ("%H:%M:%S%.f", "%H:%M", "%I:%M:%S%.f %p", "%I:%M %p")
 DATES = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d-%b-%Y", "%d %b %Y", "%d/%b/%Y")
@@ -281,8 +284,10 @@ def _read_csv(path: Path, separator: str, tally: Tally) -> Table:
     if not len(row):
         raise InputError(f"{path}: got no line, needed a table with a header")
     lines = lines[row - 1]
-    if separator == "auto":  # what the header has most often outside quotations, a comma where it has none
-        separator = max(SEPARATORS, key=re.sub('"[^"]*"', "", lines[0]).count)
+    if said := re.fullmatch(SAID_SEPARATOR, lines[0]):  # for a spreadsheet
+        separator = said[1] if separator == "auto" else separator
+    above, separator = _header(lines.head(FIRST_LINES), separator)
+    lines, row = lines[above:], row[above:]
     bare = lines.str.replace_all('"[^"]*"', "")
     cells = bare.str.count_matches(separator, literal=True)
     need = cells[0]
@@ -296,6 +301,22 @@ def _read_csv(path: Path, separator: str, tally: Tally) -> Table:
     text = lines.filter(pl.Series(good)).str.join("\n")[0] + "\n"
     frame = pl.read_csv(io.BytesIO(text.encode()), separator=separator, infer_schema=False)
     return Table(path.name, frame, row[good][1:], separator, len(lines) - 1)
+
+
+def _header(lines: pl.Series, separator: str) -> tuple[int, str]:
+    """Which line is the header, and its separator: what it has most often outside quotations, a comma where it has none.
+
+    Titles and comments above it are passed over: a line of few cells, or one that begins with # and has not as many as most lines.
+    Args: lines: the first; separator: one character, or "auto".
+    """
+    bare = lines.str.replace_all('"[^"]*"', "")
+    for row, line in enumerate(bare):
+        best = max(SEPARATORS, key=line.count) if separator == "auto" else separator
+        cells = bare.str.count_matches(best, literal=True) + 1
+        usual = cells[row + 1 :].mode()
+        if cells[row] >= FEWEST_CELLS and (not line.startswith("#") or cells[row] in usual):
+            return row, best
+    return 0, max(SEPARATORS, key=bare[0].count) if separator == "auto" else separator
 
 
 def _lines(content: bytes) -> pl.Series:
