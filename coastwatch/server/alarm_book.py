@@ -128,6 +128,7 @@ class AlarmBook:
         self._alarms: dict[str, Alarm] = {}
         self._changes: deque[Change] = deque(maxlen=MOST_CHANGES)
         self._number, self._first = 0, 1  # of the newest change, and of the first one since `begin`
+        self.repeated: tuple[Change, ...] = ()  # changes before `begin` that somebody may not have been told
         self._lock = threading.Lock()
         self._listeners = Listeners()
         self.listen = self._listeners.listen
@@ -143,9 +144,14 @@ class AlarmBook:
         """The number of the oldest change that is kept."""
         return self._changes[0].number if self._changes else self._first
 
-    def begin(self, run_id: int, alarms: Iterable[Alarm] = ()) -> None:
-        """Forget all, and hold the alarms that are known of a run. They are no news, but readers take all alarms again."""
+    def begin(self, run_id: int, alarms: Iterable[Alarm] = (), repeat_from_s: float = np.inf) -> None:
+        """Forget all, and hold the alarms that are known of a run. They are no news, but readers take all alarms again.
+
+        Args: repeat_from_s: changes from then on are in `repeated`: the process before this one may not have sent them to web hooks.
+        """
+        alarms = list(alarms)
         with self._lock:
+            self.repeated = tuple(_changes_from(repeat_from_s, alarms))
             self._number += run_id == self.run_id  # who has all changes until now has not these alarms
             self.run_id, self._alarms = run_id, {alarm.alarm_id: alarm for alarm in alarms}
             self._changes.clear()
@@ -237,6 +243,15 @@ class AlarmBook:
         for alarm in ended[MOST_ENDED - MOST_ENDED // 10 :]:
             self.forgotten += not alarm.is_acknowledged
             del self._alarms[alarm.alarm_id]
+
+
+def _changes_from(from_s: float, alarms: Iterable[Alarm]) -> Iterable[Change]:
+    """The beginnings and newest ends of alarms from a time on, by time. Their numbers are less than those of all others."""
+    found: list[tuple[float, What, Alarm]]
+    found = [(alarm.start_s, "opened", alarm._replace(end_s=None, gaps=0)) for alarm in alarms if alarm.start_s >= from_s]
+    found += [(alarm.end_s, "closed", alarm) for alarm in alarms if alarm.end_s is not None and alarm.end_s >= from_s]
+    found.sort(key=lambda one: one[0])
+    return (Change(k - len(found), what, alarm) for k, (_, what, alarm) in enumerate(found))
 
 
 def known_of(rows: Rows, memory: EventMemory) -> list[Alarm]:

@@ -116,7 +116,7 @@ class NamedFeed(Settings):
 
 
 class Hook(Settings):
-    """A web hook: a POST for each alarm that begins or ends."""
+    """A web hook: a POST for each alarm that begins, ends or returns."""
 
     url: str
     kinds: tuple[str, ...] = ()  # of alarms; none: all
@@ -180,7 +180,7 @@ than 10 minutes ago. A database into which another server of this machine writes
 or nats://HOST:PORT/NAME, the stream of NATS JetStream that has them; repeatable"""
 
     webhook: Annotated[tuple[str, ...], Option("URL")] = ()
-    """POST each alarm that begins or ends as JSON to this address, again for minutes while nobody takes it; repeatable"""
+    """POST each alarm that begins, ends or returns as JSON to this address, again for minutes while nobody takes it; repeatable"""
 
     webhook_secret_file: Annotated[str | None, Option("FILE", is_file=True)] = None
     """file whose first line signs these messages (HMAC-SHA256 in X-Coastwatch-Signature)"""

@@ -79,6 +79,9 @@ CAUGHT_UP_S = 30.0
 MOST_MERGES = 1000
 """Cycles with others merged in them that are remembered, to say for SHOWN_S how many there were."""
 
+REPEATED_S = 300.0
+"""Before a restart: changes of alarms of that time are sent to web hooks once more."""
+
 MOST_LEFT = 5
 """Runs whose alarms without an acknowledgement are said, since the process began."""
 
@@ -278,7 +281,7 @@ class LiveRun:
             text = f"run {before} had {left} alarms that nobody acknowledged: {where}"
             LOG.warning(text)
             self._left.append(Trouble("alarms", str(before), clock.now_s(), text, False))
-        self.alarms.begin(run_id, alarms)
+        self.alarms.begin(run_id, alarms, events.time_s - REPEATED_S if before == -1 else math.inf)
 
     def behind(self, until_s: float) -> int:
         """As of `run.Live`."""

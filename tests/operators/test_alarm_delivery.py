@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import threading
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,10 +16,11 @@ from typing import Any
 import httpx2 as httpx
 import numpy as np
 import pytest
+from prometheus_client import Counter
 from server_world import Served, events, listening, wait_for
 from sqlalchemy import text
 
-from coastwatch.batches import AlarmKind, BegunEvents, EventChanges, Flag, VesselAlarms
+from coastwatch.batches import AlarmKind, BegunEvents, EventChanges, EventSpans, Flag, VesselAlarms
 from coastwatch.batches.kinds import EVENT_KINDS
 from coastwatch.operators.api import alarms, webhooks
 from coastwatch.operators.api.alarms import AlarmStream
@@ -147,7 +149,7 @@ def hooked(answer: Callable[[dict[str, Any]], int]) -> Iterator[tuple[str, list[
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             said = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-            taken.append(said)
+            taken.append(said | {"delivery": self.headers["X-Coastwatch-Delivery"]})
             self.send_response(answer(said))
             self.end_headers()
 
@@ -187,8 +189,6 @@ def test_a_hook_that_takes_no_other_message_is_told_of_a_man_overboard(trouble: 
         return status
 
     monkeypatch.setattr(webhooks._Sender, "_post", posting)
-    from prometheus_client import Counter
-
     monkeypatch.setattr(webhooks, "TIME_OUT_S", 300.0)
 
     async def main(address: str, taken: list[dict[str, Any]]) -> None:
@@ -208,6 +208,70 @@ def test_a_hook_that_takes_no_other_message_is_told_of_a_man_overboard(trouble: 
     with hooked(answer) as (address, taken):
         asyncio.run(main(address, taken))
     assert len(taken) == (4 if trouble == "broken" else 2), "an error of one message ends no other"
+
+
+def ended(kind: str, vessel: int, start_s: float, end_s: float | None) -> EventChanges:
+    """An alarm that ends, or returns."""
+    ints = np.array([vessel]), np.array([NUMBER[kind]]), np.zeros(1, np.int64)
+    spans = EventSpans(*ints, np.array([start_s]), np.array([math.nan if end_s is None else end_s]))
+    return replace(EventChanges.empty(), **{"returned" if end_s is None else "ended": spans})
+
+
+def sent_to_hook(book: Callable[[AlarmBook], None], answers: list[int], count: int) -> list[tuple[str, str, str | None]]:
+    """Event, delivery and end of the messages that a hook took, of alarms raised by a function. Args: answers: its first statuses."""
+    with hooked(lambda said: answers.pop(0) if answers else 204) as (address, taken):
+
+        async def main() -> None:
+            service: Any = FromBook()
+            service.metrics = type(
+                "Metrics", (), {"webhooks": Counter("told", "messages", ["webhook", "count"], registry=None)}
+            )()
+            book(service.book)
+            async with webhooks.sending([WebHook(address)], AlarmStream(service), service, Backoff(0.2, 0.2)):
+                async with asyncio.timeout(20.0):
+                    while len(taken) < count:
+                        await asyncio.sleep(0.01)
+
+        asyncio.run(main())
+    return [(said["event"], said["delivery"], said["alarm"]["end_utc"]) for said in taken]
+
+
+@pytest.mark.parametrize("kind", ["man_overboard", "dark"])
+def test_a_hook_is_told_that_an_alarm_returns_and_each_message_has_its_own_delivery(kind: str) -> None:
+    """The last that it was told was `closed`, while the alarm lasted, and the second end looked like a repetition of the first."""
+
+    def raised(book: AlarmBook) -> None:
+        book.begin(1)
+        for changes in (begun(kind, [5], 10.0), *(ended(kind, 5, 10.0, end_s) for end_s in (20.0, None, 40.0))):
+            book.apply(changes)
+
+    told = sent_to_hook(raised, [503, 503], 6)[2:]
+    assert [(event, end is None) for event, _, end in told] == [
+        ("opened", True), ("closed", False), ("returned", True), ("closed", False),
+    ]  # fmt: skip
+    assert len({delivery for _, delivery, _ in told}) == 4
+
+
+def test_a_server_that_goes_on_repeats_the_changes_of_the_last_minutes() -> None:
+    """What waited for a hook when the process ended was lost."""
+    first = AlarmBook()
+    first.begin(1)
+    for kind, start_s, end_s in (
+        ("dark", 10.0, 30.0),
+        ("lost", 400.0, 500.0),
+        ("aground", 450.0, None),
+        ("dark", 150.0, 420.0),
+    ):
+        first.apply(begun(kind, [int(start_s)], start_s))
+        if end_s is not None:
+            first.apply(ended(kind, int(start_s), start_s, end_s))
+    known = first.alarms()
+    told = sent_to_hook(lambda book: book.begin(1, known, 390.0), [], 4)
+    assert sorted(delivery for _, delivery, _ in told) == [
+        "150-dark-150000-closed", "400-lost-400000-closed", "400-lost-400000-opened", "450-aground-450000-opened",
+    ]  # fmt: skip
+    lost = [event for event, delivery, _ in told if delivery.startswith("400")]
+    assert lost == ["opened", "closed"]
 
 
 def test_among_2000_alarms_and_200000_acknowledged_ones_a_man_overboard_comes_first_to_streams_and_hooks(

@@ -188,7 +188,7 @@ def test_a_receiver_whose_answer_does_not_end_holds_up_no_other_message(
         sender = webhooks._Sender(hook, service, webhooks.RETRY)
         client = vars(sender)["_client"]
         try:
-            return await asyncio.wait_for(sender._post(client, webhooks._Message(0, 1, "a-opened", b"{}")), 5.0)
+            return await asyncio.wait_for(sender._post(client, webhooks._Message(0, 1, "a", "a-opened", b"{}")), 5.0)
         finally:
             await client.aclose()
             server.close()

@@ -183,13 +183,17 @@ class AlarmStream:
                 await (asyncio.sleep(0.0) if waiting else _wait(wake, STOP_S))
 
     async def changes(self) -> AsyncIterator[list[Change]]:
-        """The changes as they come, the first ones of this run among them. Alarms that are known when a run begins are no changes."""
-        book, run, at = self._service.book, self._service.book.run_id, self._service.book.first - 1
+        """The changes as they come, the first ones of this run among them. Alarms that are known when a run begins are no changes, but
+        for those that the process before this one may not have sent.
+        """
+        book, run, at = self._service.book, -1, 0
         async with woken_by(self._service.book.listen) as wake:
             while True:
                 changes = book.since(run, at)
                 if changes is None:
                     run, at = book.run_id, book.first - 1
+                    if book.repeated:
+                        yield list(book.repeated)
                     continue
                 if changes:
                     at = changes[-1].number

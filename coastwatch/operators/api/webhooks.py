@@ -1,4 +1,4 @@
-"""Web hooks: a POST of JSON to other systems for each alarm that begins or ends. They never hold up a cycle or a viewer."""
+"""Web hooks: a POST of JSON to other systems for each alarm that begins, ends or returns. They never hold up a cycle or a viewer."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import heapq
 import hmac
 import logging
 import time
+from collections import deque
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
@@ -39,8 +40,8 @@ MOST_DISTRESS = 50
 AGAIN = (408, 425, 429)
 """Refusals after which the same message may be taken later."""
 
-WORDS = {"opened": "opened", "closed": "closed"}
-"""Changes of which a hook is told, and the word for each."""
+TOLD = ("opened", "closed", "returned")
+"""Changes of which a hook is told."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,7 @@ class _Message(NamedTuple):
 
     priority: int
     number: int  # of the change
+    alarm_id: str
     name: str
     body: bytes
     attempts: int = 0
@@ -103,7 +105,8 @@ class _Sender:
     def __init__(self, hook: WebHook, service: Service, retry: Backoff) -> None:
         self.hook, self._retry = hook, retry
         self._waiting: list[_Message] = []  # a heap
-        self._distress: set[asyncio.Task[None]] = set()
+        self._distress: dict[str, deque[_Message]] = {}  # by alarm: what waits, and the first of it is being sent
+        self._tasks: set[asyncio.Task[None]] = set()
         self._woken = asyncio.Event()
         self._client = httpx.AsyncClient(timeout=TIME_OUT_S, follow_redirects=False)
         counts = ("sent", "retried", "failed", "dropped")
@@ -120,17 +123,20 @@ class _Sender:
         return [Trouble("webhook", self.hook.name, self._failing_since_s, text, False)]
 
     def enqueue(self, messages: Sequence[tuple[str, _Message]]) -> None:
-        """Let messages wait, if the hook wants their kinds. Distress waits for no other message.
+        """Let messages wait, if the hook wants their kinds. Distress waits for no message of another alarm.
 
         Args: messages: with the kind of the alarm.
         """
         for kind, message in messages:
             if self.hook.kinds and kind not in self.hook.kinds:
                 continue
-            if message.priority == DISTRESS and len(self._distress) < MOST_DISTRESS:
-                task = asyncio.get_running_loop().create_task(self._deliver(message))
-                self._distress.add(task)
-                task.add_done_callback(self._distress.discard)
+            if message.alarm_id in self._distress:
+                self._distress[message.alarm_id].append(message)
+            elif message.priority == DISTRESS and len(self._distress) < MOST_DISTRESS:
+                self._distress[message.alarm_id] = deque([message])
+                task = asyncio.get_running_loop().create_task(self._deliver(message.alarm_id))
+                self._tasks.add(task)
+                task.add_done_callback(self._tasks.discard)
             else:
                 heapq.heappush(self._waiting, message)
         if len(self._waiting) > WAITING:
@@ -153,16 +159,21 @@ class _Sender:
                     heapq.heappush(self._waiting, message._replace(attempts=message.attempts + 1))
                     await asyncio.sleep(again_after_s)
         finally:
-            for task in self._distress:
+            for task in self._tasks:
                 task.cancel()
-            await asyncio.gather(*self._distress, return_exceptions=True)
+            await asyncio.gather(*self._tasks, return_exceptions=True)
             await self._client.aclose()
 
-    async def _deliver(self, message: _Message) -> None:
-        """Send one message until it is taken or refused for good."""
-        while (again_after_s := await self._send(message)) is not None:
-            message = message._replace(attempts=message.attempts + 1)
-            await asyncio.sleep(again_after_s)
+    async def _deliver(self, alarm_id: str) -> None:
+        """Send the messages of one alarm in their order, each until it is taken or refused for good."""
+        waiting = self._distress[alarm_id]
+        while waiting:
+            message = waiting[0]
+            while (again_after_s := await self._send(message)) is not None:
+                message = message._replace(attempts=message.attempts + 1)
+                await asyncio.sleep(again_after_s)
+            waiting.popleft()
+        del self._distress[alarm_id]
 
     async def _send(self, message: _Message) -> float | None:
         """Send a message. Returns: seconds until it is to be sent again; None: it was taken, or refused for good."""
@@ -218,7 +229,7 @@ async def sending(
 
     async def follow() -> None:
         async for changes in alarms.changes():
-            due = sorted((change for change in changes if change.what in WORDS), key=lambda change: change.alarm.urgency)
+            due = sorted((change for change in changes if change.what in TOLD), key=lambda change: change.alarm.urgency)
             for k in range(0, len(due), PORTION):
                 messages = _messages(service, due[k : k + PORTION])
                 for sender in senders:
@@ -259,7 +270,8 @@ def _messages(service: Service, changes: Sequence[Change]) -> list[tuple[str, _M
     messages = []
     for change, text in zip(changes, as_json(service, [change.alarm for change in changes]), strict=True):
         if text is not None:
-            word, alarm = WORDS[change.what], change.alarm
+            word, alarm, alarm_id = change.what, change.alarm, change.alarm.alarm_id
             body = f'{{"event": "{word}", "alarm": {text}}}'.encode()
-            messages.append((alarm.kind, _Message(alarm.urgency[0], change.number, f"{alarm.alarm_id}-{word}", body)))
+            name = f"{alarm_id}-{word}" + (f"-{alarm.gaps}" if alarm.gaps else "")
+            messages.append((alarm.kind, _Message(alarm.urgency[0], change.number, alarm_id, name, body)))
     return messages
