@@ -102,4 +102,4 @@ def _frame(recorded: Recorded, names: Mapping[int, str]) -> polars.DataFrame:
         **{f"covariance_{a}_{b}": p.covariance[:, i, j] for i, a in enumerate(AXES) for j, b in enumerate(AXES)},
     }
     plain = (np.ascontiguousarray(column) if isinstance(column, np.ndarray) else column for column in columns.values())
-    return polars.DataFrame(dict(zip(columns, plain, strict=True)))
+    return polars.DataFrame(dict(zip(columns, plain, strict=True)), nan_to_null=True)

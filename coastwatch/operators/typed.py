@@ -12,9 +12,9 @@ def utc(text: str) -> float:
     """Seconds since the Unix epoch of an ISO 8601 instant; without a time zone it is UTC."""
     try:
         moment = datetime.fromisoformat(text.strip())
-    except ValueError:
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).astimezone(UTC).timestamp()
+    except (ValueError, OverflowError):  # the second: of no year from 1 to 9999 in UTC
         raise argparse.ArgumentTypeError(f"got {text!r}, needed an instant such as 2026-07-01T12:00:00Z") from None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def box(text: str) -> Box:

@@ -33,6 +33,7 @@ from coastwatch.formats.asterix.system_tracks import SAC, SIC
 from coastwatch.formats.decoding import FeedSettings
 from coastwatch.formats.format import Format, OutSettings, Vessels
 from coastwatch.formats.registry import DECODED, FORMATS, PICTURES
+from coastwatch.formats.target_numbers import TargetNumbers
 from coastwatch.scenario.sites import TrackSource, sensors_of
 
 pytestmark = pytest.mark.contract
@@ -118,7 +119,7 @@ def test_system_tracks_are_read_back_by_the_decoder_of_the_house() -> None:
     decoder.decode([(NOW_S, datagram, 0) for datagram in datagrams(given)], None)
     tracks = decoder.reports_between(-math.inf, math.inf).tracks
     assert decoder.tally.faults() == ()
-    assert sorted(tracks.number.tolist()) == [0, 1, 2, 3]
+    assert sorted(tracks.number.tolist()) == sorted((given.vessel_id % 65536).tolist())
     order = np.argsort(tracks.number)
     assert np.allclose(tracks.time_s, NOW_S, atol=1 / 128)
     assert np.allclose(tracks.position_deg[order], given.position_deg, atol=180.0 / 2**25)
@@ -152,7 +153,7 @@ def test_system_tracks_of_no_known_source_are_refused_with_what_the_address_need
 def test_system_tracks_are_what_the_tables_of_the_specification_say() -> None:
     given = vessels()
     found = [system_track(datagram) for datagram in datagrams(given)]
-    assert [(one.sac, one.sic, one.number) for one in found] == [(25, 1, k) for k in range(4)]
+    assert [(one.sac, one.sic, one.number) for one in found] == [(25, 1, k) for k in (vessels().vessel_id % 65536).tolist()]
     assert all(abs(one.of_day_s - NOW_S % 86_400.0) <= 1 / 128 for one in found)
     where = np.array([[one.latitude_deg, one.longitude_deg] for one in found])
     assert np.allclose(where, given.position_deg, atol=180.0 / 2**25)
@@ -213,8 +214,22 @@ def test_a_vessel_keeps_its_track_number_while_others_come_and_go() -> None:
     encoder, given = pictures(OutSettings()), vessels()
     first = {system_track(d).number for d in encoder.messages(given)}
     less = vessels(every_id=given.every_id[1:], vessel_id=given.vessel_id[1:2])
-    assert [system_track(d).number for d in encoder.messages(less)] == [1]
-    assert first == {0, 1, 2, 3}
+    assert [system_track(d).number for d in encoder.messages(less)] == (less.vessel_id % 65536).tolist()
+    assert first == set((given.vessel_id % 65536).tolist())
+
+
+def test_numbers_of_targets_outlive_a_restart_and_are_not_given_again_at_once() -> None:
+    """The lowest free number was given: after a restart the numbers of most were those of other vessels."""
+    before, after = TargetNumbers(range(1000)), TargetNumbers(range(1000))
+    for vessels_here in ([1, 2, 3, 70_004, 5], [2, 3, 70_004, 5, 6], [2, 70_004, 6]):
+        before.keep(vessels_here)
+    after.keep([2, 70_004, 6])
+    assert [before.get(v) for v in (2, 70_004, 6)] == [after.get(v) for v in (2, 70_004, 6)] == [2, 4, 6]
+    before.keep([2, 70_004, 6, 7])
+    assert before.get(7) == 7, "not 0, 1 or 3, which others have just had"
+    few = TargetNumbers(range(3))
+    few.keep([1, 4, 7, 10])
+    assert [few.get(v) for v in (1, 4, 7, 10)] == [1, 2, 0, None]
 
 
 def test_the_formats_open_no_socket_and_no_file_but_that_of_land() -> None:

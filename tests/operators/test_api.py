@@ -181,6 +181,8 @@ def test_the_past_is_answered_from_the_store(served: Served) -> None:
         ("/api/v1/picture?min_sog=5&max_sog=2", 400, "min_sog: got 5, needed at most max_sog = 2"),
         ("/api/v1/runs?format=geojson", 422, "format: got 'geojson', needed 'json', 'csv' or 'parquet'"),
         ("/api/v1/picture?at=noon", 400, "at: got 'noon'"),
+        ("/api/v1/picture?at=9999-12-31T23:59:59-14:00", 400, "at: got '9999-12-31T23:59:59-14:00', needed an instant"),
+        ("/api/v1/picture?at=0001-01-01T00:00:00%2B14:00", 400, "at: got '0001-01-01T00:00:00+14:00', needed an instant"),
         ("/api/v1/vessels?ids=1,x", 400, "ids:"),
         ("/api/v1/vessels", 400, "ids and q"),
         ("/api/v1/vessels/9999", 404, "never had a vessel 9999"),
@@ -246,6 +248,7 @@ def test_details_have_a_tag_and_one_vessel_says_why(served: Served) -> None:
     assert len(one["associations"]) == len(one["history"]) == 3
     path = served.get("/api/v1/vessels/2/history?from=2025-06-15T15:06:44Z").json()
     assert [row["cycle"] for row in path["history"]] == [1, 2]
+    assert served.get("/api/v1/vessels/2/history?to=1970-01-01T00:00:00Z").json()["history"] == []
     assert one["decided"] == []
     assert served.get("/api/v1/vessels/2/decided?limit=5").json() == {"vessel_id": 2, "total": 0, "decided": []}
     assert served.get("/api/v1/vessels/77777/decided").status_code == 404
@@ -389,3 +392,15 @@ def test_the_page_is_served_where_it_is_built_and_a_plain_one_says_so_where_not(
         assert "map" in httpx.get(f"http://{address}/").text
         assert httpx.get(f"http://{address}/worker.mjs").headers["content-type"].startswith("text/javascript")
     assert WEB.name == "web"
+
+
+def test_a_defect_is_answered_with_a_sentence_and_counted(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The alert on errors of the server counts them here: they were counted nowhere."""
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("a defect")
+
+    monkeypatch.setattr(served.service, "run_row", broken)
+    answer = served.get("/api/v1/vessels/2/history")
+    assert (answer.status_code, answer.json()) == (500, {"detail": "the server has a defect: its log says more"})
+    assert 'coastwatch_requests_total{status="500"} 1.0' in served.service.metrics.text().decode()

@@ -68,6 +68,7 @@ def test_a_replay_of_a_span_and_a_box_as_parquet(ran: tuple[str, list[Picture]],
     assert len(found) == sum(len(p) for p in pictures[3:10])
     assert found.schema["time_utc"] == polars.Datetime("us", "UTC")
     assert found.schema["flags"] == polars.List(polars.String)
+    assert found["alternative_m"].null_count() == len(found), "absent, as in picture, and not NaN"
 
 
 def test_a_picture_of_a_recorded_instant_is_exact(ran: tuple[str, list[Picture]], capsys: pytest.CaptureFixture[str]) -> None:

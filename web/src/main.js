@@ -430,11 +430,12 @@ class App {
     return (this.replaying ? this.panel.history() : this.panel.corrected()).filter(({ at }) => at <= now);
   }
 
-  /** Newest line of sight of each bearing track of the selected vessel, from its sensor. */
+  /** Newest line of sight of each bearing track of the selected vessel, from its sensor. None that is older than a minute. */
   bearings() {
     if (!this.state.layers.has('trail') || !this.state.selected) return [];
-    const seen = new Map();
-    for (const row of this.panel.known?.bearing_associations ?? []) {
+    const seen = new Map(), now = this.clock();
+    const rows = (this.panel.known?.bearing_associations ?? []).map((row) => ({ ...row, at: Date.parse(row.time_utc) / 1000 }));
+    for (const row of rows.filter(({ at }) => at <= now + 1 && at > now - 60).sort((a, b) => b.at - a.at)) {
       const key = `${row.source} ${row.track_id}`;
       const sensor = this.sensors.find(({ kind, name }) => kind === 'bearing' && name === row.source);
       if (seen.has(key) || !sensor || row.bearing_deg === undefined) continue;

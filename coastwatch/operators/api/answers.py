@@ -297,7 +297,7 @@ def _between(
     from_s, to_s = span_s
     times = rows.column("time_utc")
     when = np.array([utc(text) for text in times])
-    kept = np.flatnonzero((when >= (from_s or -np.inf)) & (when <= (to_s or np.inf)))
+    kept = np.flatnonzero((when >= (-np.inf if from_s is None else from_s)) & (when <= (np.inf if to_s is None else to_s)))
     first = max(len(kept) - limit, 0)
     while 0 < first < len(kept) and times[kept[first - 1]] == times[kept[first]]:
         first -= 1

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +29,8 @@ from coastwatch.server.regions.client import PATH
 from coastwatch.server.regions.link import Position
 from coastwatch.server.run import version
 from coastwatch.spelling import printable
+
+LOG = logging.getLogger("coastwatch.serve")
 
 WEB = Path(__file__).resolve().parent.parent / "web"
 """Where the build puts the page."""
@@ -74,6 +78,7 @@ def application(service: Service, guard: Guard, web: Path = WEB, hooks: Sequence
             StoreError: _one_sentence,
             InputError: _one_sentence,
             RequestValidationError: validation.refused,
+            Exception: partial(_failed, service),
             404: _wrong_path,
             405: _wrong_method,
         },
@@ -213,6 +218,13 @@ async def _wrong_path(request: Request, error: Exception) -> Response:
     detail = getattr(error, "detail", "")
     sentence = f"there is no path {request.url.path}" if detail == "Not Found" else detail
     return JSONResponse({"detail": printable(sentence)}, 404)
+
+
+async def _failed(service: Service, request: Request, _: Exception) -> Response:
+    """A defect of the server, whose log has the traceback. It is counted here, as no answer went through the guard."""
+    service.metrics.requests.labels("500").inc()
+    LOG.error("request failed", extra={"fields": {"method": request.method, "path": request.url.path[:200], "status": 500}})
+    return JSONResponse({"detail": "the server has a defect: its log says more"}, 500)
 
 
 async def _wrong_method(request: Request, _: Exception) -> Response:
