@@ -62,6 +62,7 @@ class FlagMemory:
     anchor_deg: Floats  # (R, 2) where each row was when it last moved
     anchor_since_s: Floats  # (R,)
     ais_heard_s: Floats  # (R,) newest AIS report of each row; -inf: none since it is shown
+    began_s: float = np.inf  # time of the first cycle
 
     @classmethod
     def none(cls) -> FlagMemory:
@@ -118,6 +119,9 @@ def flag(
     at_anchor = now.has_ais & (stationary | np.isin(picture.nav_status, (NavStatus.AT_ANCHOR, NavStatus.MOORED)))
     anchored_s = now.heard_s[at_anchor]  # ships at anchor send each 180 s, or rarely; the longest pause, of AIS that is heard
     pause_s = min(float(now.heard_s.max() - anchored_s.min()), LONGEST_PAUSE_S) if len(anchored_s) else 0.0
+    began_s = min(memory.began_s, time_s)
+    if time_s < began_s + 2.0 * AIS_RETURNS_S:  # not each of them has had its turn
+        pause_s = LONGEST_PAUSE_S
     slow = stationary | (np.hypot(*picture.velocity_m_s.T) < SLOW_M_S)
     waits = slow[dark] & ~order.was_dark[dark] & (time_s - no_ais_since_s[dark] < settings.dark_after_s + pause_s)
     among_ships = _in_anchorage(settings, picture.position_deg[dark[never_sent]], picture.position_deg[at_anchor])
@@ -131,7 +135,7 @@ def flag(
         odd = kernels.tables.match_ids.index_of(tracks.track_id, alarms.track_id[alarm])
         flags[row_of_track[odd[odd >= 0]]] |= int(what)
     no_ais_since_s = np.append(no_ais_since_s, _held_s(memory.no_ais_since_s, order.hidden))
-    return FlagMemory(no_ais_since_s, no_radar_since_s, pairs, anchor_deg, anchor_since_s, ever_heard_s), flags
+    return FlagMemory(no_ais_since_s, no_radar_since_s, pairs, anchor_deg, anchor_since_s, ever_heard_s, began_s), flags
 
 
 def _first_plot_s(tracks: Tracks, radars: Ints, row_of_track: Ints, rows: int, time_s: float) -> Floats:

@@ -44,6 +44,7 @@ class FlagMemory:
     anchor_deg: Floats  # (V, 2) where each vessel was when it last moved
     anchor_since_s: Floats  # (V,)
     newest_id: int  # of all vessels so far
+    began_s: float = np.inf
 
     @staticmethod
     def empty() -> FlagMemory:
@@ -95,6 +96,8 @@ def flags_of(
     newest_s = np.array([np.max(tracks.updated_s[is_ais & (row == k)], initial=-np.inf) for k in range(len(picture))])
     ships_s = newest_s[has_ais & (stays | np.isin(picture.nav_status, (1, 5)))]
     pause_s = min(max(newest_s) - min(ships_s), 180.0) if len(ships_s) else 0.0
+    began_s = min(memory.began_s, time_s)
+    pause_s = 180.0 if time_s - began_s < 360.0 else pause_s
     was_dark = np.isin(picture.vessel_id, list(memory.dark))
     slow = stays | (np.linalg.norm(picture.velocity_m_s, axis=1) < 2 * KNOT_M_S)
     may_be &= (time_s - no_ais >= settings.dark_after_s + pause_s) | ~slow | was_dark
@@ -119,6 +122,7 @@ def flags_of(
         anchor_deg,
         anchor_since_s,
         max([memory.newest_id, *picture.vessel_id.tolist()]),
+        began_s,
     )
     return after, flags
 
@@ -184,6 +188,7 @@ def _parted(
         np.zeros((0, 2)),
         none,
         memory.newest_id,
+        memory.began_s,
     )
 
 

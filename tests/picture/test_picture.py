@@ -328,7 +328,7 @@ def test_what_stays_is_stationary_and_dark_only_if_it_once_had_ais(monkeypatch):
     quay = play([[RADAR]] * 60)
     assert flagged(quay, Flag.STATIONARY).index(True) == 40, "two minutes of three seconds"
     assert not flagged(quay, Flag.DARK)[-1]
-    silenced = play([[RADAR, AIS]] * 10 + [[RADAR]] * 50)
+    silenced = play([[RADAR, AIS]] * 10 + [[RADAR]] * 90)
     assert flagged(silenced, Flag.STATIONARY)[-1]
     assert flagged(silenced, Flag.DARK)[-1]
 
@@ -338,10 +338,22 @@ def test_what_never_sent_ais_is_dark_among_three_ships_at_anchor(monkeypatch):
 
     def is_dark(*east_m):
         ships = [(10 + k, 2, 1 + k, east, 235000001 + k, 6 + k) for k, east in enumerate(east_m)]
-        return flagged(play([[RADAR, *ships]] * 60), Flag.DARK)[-1]
+        return flagged(play([[RADAR, *ships]] * 100), Flag.DARK)[-1]
 
     assert is_dark(400.0, 700.0, 990.0)
     assert not is_dark(400.0, 700.0, 1010.0)
+
+
+def test_at_the_start_what_is_slow_is_not_dark_before_ships_at_anchor_had_their_turn(monkeypatch):
+    """They send each 180 s: a third of the moored ships of a harbour was dark at each start."""
+    monkeypatch.setattr(sys.modules[__name__], "EAST_M_S", 0.0)
+    ships = [(10 + k, 2, 1 + k, 400.0 + 100.0 * k, 235000001 + k, 6 + k) for k in range(3)]
+    dark = flagged(play([[RADAR, *ships]] * 150), Flag.DARK)
+    assert dark.index(True) == (60 + 180) // 3
+    assert all(dark[80:])
+    few = [(track, source, vessel - 1, *rest) for track, source, vessel, *rest in ships]
+    later = flagged(play([few] * 150 + [[RADAR, *ships]] * 60), Flag.DARK)
+    assert later.index(True) < 150 + 30, "then by the longest pause of those at anchor"
 
 
 def test_what_a_vessel_of_one_knot_could_leave_is_no_proof_of_rest(monkeypatch):
