@@ -55,7 +55,8 @@ def match_identities(
     """Match the groups of this cycle one-to-one with the vessels of the last cycle.
 
     A track votes for the vessel it was in, and with a share of its vote for the first it ever was in. A group without votes may be
-    a vessel that has lost all its tracks.
+    a vessel that has lost all its tracks. So may one of a vessel without an MMSI that began since, when AIS joins it: radar has seen
+    the ship again first.
     """
     tracks, time_s, groups = given.tracks, given.time_s, given.associations.by_vessel
     row_before, track_now = kernels.tables.match_ids.match_ids(before.track_id, tracks.track_id)
@@ -72,6 +73,16 @@ def match_identities(
         new_rows = rows_of_groups(new, np.full(len(new), -1), groups, tracks, given.fused, columns)
         rows, vessels = _match_returns(settings, known, columns, free, new_rows, time_s)
         vessel_of_group[new[rows]] = vessels
+
+    is_free[vessel_of_group[(vessel_of_group >= 0) & (vessel_of_group < len(is_free))]] = False
+    joined = _joined_by_ais(tracks.mmsi, row_before, given.associations.vessel, vessel_of_group, columns)
+    named = np.flatnonzero(is_free & (columns.mmsi[: len(is_free)] >= 0)) if len(joined) else joined
+    if len(named) > 0:
+        since_s = columns.since_s[vessel_of_group[joined]]
+        rows_now = rows_of_groups(joined, np.full(len(joined), -1), groups, tracks, given.fused, columns)
+        rows, old = _match_mmsi(settings, rows_now, known.take(named), time_s)
+        is_later = since_s[rows] >= columns.updated_s[named[old]]
+        vessel_of_group[joined[rows[is_later]]] = named[old[is_later]]
 
     group_of_vessel = np.full(len(columns.vessel_id), -1, np.int64)
     matched = np.flatnonzero(vessel_of_group >= 0)
@@ -96,6 +107,14 @@ def _settle_votes(
     chosen = kernels.association.assignment.assign(group, columns.vessel_id[vessel], gain)
     vessel_of_group[group[chosen]] = vessel[chosen]
     return vessel_of_group
+
+
+def _joined_by_ais(mmsi: Ints, row_before: Rows, group: Ints, vessel_of_group: Ints, columns: KnownColumns) -> Ints:
+    """The groups that a new AIS track joins, and that continue a vessel without an MMSI. Args: mmsi, row_before, group: (N,) of tracks."""
+    joined = np.unique(group[(row_before < 0) & (mmsi >= 0)])
+    vessel = vessel_of_group[joined]
+    joined, vessel = joined[vessel >= 0], vessel[vessel >= 0]
+    return joined[(columns.mmsi[vessel] < 0) & np.isfinite(columns.since_s[vessel])]
 
 
 def _match_returns(

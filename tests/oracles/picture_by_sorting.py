@@ -69,6 +69,7 @@ def step(
     )
     present = _row_of_tracks(tracks, associations, fused, alarms)
     vessel_id = return_of_the_lost(settings, vessel_id, memory, present, tracks, time_s)
+    vessel_id = return_under_radar(settings, vessel_id, memory, present, tracks, associations.vessel, time_s)
     fresh = vessel_id < 0
     vessel_id = np.where(fresh, memory.next_id + np.cumsum(fresh) - 1, vessel_id)
     present = _with_past(replace(present, vessel_id=vessel_id), last)
@@ -209,6 +210,25 @@ def return_of_the_lost(
         fresh, free = np.delete(fresh, new), np.delete(free, old)
         if len(free) == 0 or len(fresh) == 0:
             break
+    return out
+
+
+def return_under_radar(
+    settings: Identity, vessel_id: Ints, memory: PictureMemory, present: Picture, tracks: Tracks, group: Ints, time_s: float
+) -> Ints:
+    """Ids with those of lost vessels given to groups of later vessels without a name, which a new AIS track of their MMSI joins."""
+    last, out = memory.picture, vessel_id.copy()
+    alive = memory.track_vessel[np.isin(memory.track_id, tracks.track_id)]
+    free = np.flatnonzero(~np.isin(last.vessel_id, vessel_id) & ~np.isin(last.vessel_id, alive) & (last.mmsi >= 0))
+    new_ais = set(group[~np.isin(tracks.track_id, memory.track_id) & (tracks.mmsi >= 0)].tolist())
+    unnamed = {int(k): float(s) for k, s, m in zip(last.vessel_id, last.since_s, last.mmsi, strict=True) if m < 0}
+    joined = np.array([g for g in sorted(new_ais) if int(vessel_id[g]) in unnamed], np.int64)
+    if len(free) == 0 or len(joined) == 0:
+        return out
+    new, old = _by_mmsi(settings, present.take(joined), last.take(free), time_s)
+    for g, k in zip(joined[new].tolist(), free[old].tolist(), strict=True):
+        if unnamed[int(vessel_id[g])] >= last.updated_s[k]:
+            out[g] = last.vessel_id[k]
     return out
 
 

@@ -47,7 +47,7 @@ def sensors(ais_range_m=50e3, radar_range_m=50e3):
 
 
 def cycle_of(cycle, rows):
-    """Tracks of rows (track_id, source, vessel number, east_m, mmsi, origin, age in s or nothing): all sail east at 4 m/s."""
+    """Tracks of rows (track_id, source, vessel number, east_m, mmsi, origin, and perhaps age in s, start in s): all sail east at 4 m/s."""
     time_s = PERIOD_S * cycle
     n = len(rows)
     ids, source, vessel, east, mmsi, origin = (
@@ -65,7 +65,7 @@ def cycle_of(cycle, rows):
         covariance,
         np.tile(100.0 * np.eye(2), (n, 1, 1)),
         time_s - np.array([row[6] if len(row) > 6 else 0.0 for row in rows]),
-        np.zeros(n),
+        np.array([row[7] if len(row) > 7 else 0.0 for row in rows]),
         mmsi,
         origin,
     )
@@ -133,6 +133,16 @@ def test_it_survives_a_hand_over_with_a_gap():
     assert ids(out) == [[1]] * 11
     assert out[6][0].flags[0] & Flag.COASTING
     assert not out[9][0].flags[0] & Flag.COASTING
+
+
+@pytest.mark.parametrize(("begins_s", "returns"), [(300.0, True), (0.0, False)])
+def test_a_ship_that_radar_sees_again_first_has_its_id_back_when_its_ais_returns(begins_s, returns):
+    """After a gap of both, seven ships of nine had new ids. Not where radar saw the other one beside it before the gap."""
+    seen_again, ais = (9, 0, 0, 0.0, -1, 5, 0.0, begins_s), (8, 2, 0, 0.0, 235000001, 5, 0.0, 330.0)
+    out = play([[RADAR, AIS]] * 20 + [[]] * 80 + [[seen_again]] * 10 + [[seen_again, ais]] * 10)
+    before, last = ids(out)[10], ids(out)[-1]
+    assert (before == last) == returns
+    assert ids(out)[105] != before
 
 
 def test_ais_alone_returns_by_its_mmsi_after_minutes():
