@@ -119,11 +119,13 @@ def flag(
     at_anchor = now.has_ais & (stationary | np.isin(picture.nav_status, (NavStatus.AT_ANCHOR, NavStatus.MOORED)))
     anchored_s = now.heard_s[at_anchor]  # ships at anchor send each 180 s, or rarely; the longest pause, of AIS that is heard
     pause_s = min(float(now.heard_s.max() - anchored_s.min()), LONGEST_PAUSE_S) if len(anchored_s) else 0.0
-    began_s = min(memory.began_s, time_s)
-    if time_s < began_s + 2.0 * AIS_RETURNS_S:  # not each of them has had its turn
-        pause_s = LONGEST_PAUSE_S
     slow = stationary | (np.hypot(*picture.velocity_m_s.T) < SLOW_M_S)
-    waits = slow[dark] & ~order.was_dark[dark] & (time_s - no_ais_since_s[dark] < settings.dark_after_s + pause_s)
+    waits = slow[dark] & (time_s - no_ais_since_s[dark] < settings.dark_after_s + pause_s)
+    began_s = min(memory.began_s, time_s)
+    if time_s < began_s + 2.0 * AIS_RETURNS_S:  # not each ship at anchor has had its turn: what has not moved since may be one
+        rests = slow[dark] & (anchor_since_s[dark] <= no_ais_since_s[dark] + settings.dark_unshown_s)
+        waits |= rests & (time_s - no_ais_since_s[dark] < settings.dark_after_s + AIS_RETURNS_S)
+    waits &= ~order.was_dark[dark]
     among_ships = _in_anchorage(settings, picture.position_deg[dark[never_sent]], picture.position_deg[at_anchor])
     never_sent[never_sent] = ~among_ships
     flags[dark[~never_sent & ~waits]] |= int(Flag.DARK)

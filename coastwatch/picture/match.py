@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Floats, Ints, Picture, Rows, SourceKind, Struct, column
-from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred
+from coastwatch.batches import Array, Bools, Floats, Ints, Picture, Rows, SourceKind, Struct, column
+from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
 from coastwatch.kernels.filters.gaussian import squared_distance
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.picture.inputs import PictureInput
@@ -21,6 +21,12 @@ from coastwatch.picture.vessels import Groups, KnownColumns, KnownVessels, predi
 AIS_WEIGHT = 1.2  # of the vote of an AIS track; a radar track has 1
 SENIORITY_GAIN, SENIORITY_S = 0.5, 60.0  # most that a vessel gains by its age, and the age for half of it
 NEAR_M = 2000.0  # farther off than a vessel without tracks can be
+TURN_S, TURN_GAP_S, TURN_SLACK_S = 60.0, 20.0, 6.0
+"""Of a vessel that has turned away from its track: for how long that counts; between the last plot of the one track and the first of
+the other; time added to the way between them."""
+
+TURN_SIGMAS, SHARPEST_M_S2 = 3.0, 1.5
+SPEED_CHANGE, SPEED_SLACK_M_S = 0.3, 2.0  # of its speeds before and after
 MMSI_SLACK_S = 10.0  # added to the time of a return by MMSI, for the error of both positions
 
 
@@ -84,6 +90,10 @@ def match_identities(
         is_later = since_s[rows] >= columns.updated_s[named[old]]
         vessel_of_group[joined[rows[is_later]]] = named[old[is_later]]
 
+    is_free[vessel_of_group[(vessel_of_group >= 0) & (vessel_of_group < len(is_free))]] = False
+    goes_on = remembered[: len(is_free)] == kernels.identity.match.AS_PREVIOUS
+    _restore_after_turns(known, is_free, goes_on, vessel_of_group, time_s)
+
     group_of_vessel = np.full(len(columns.vessel_id), -1, np.int64)
     matched = np.flatnonzero(vessel_of_group >= 0)
     group_of_vessel[vessel_of_group[matched]] = matched
@@ -135,6 +145,47 @@ def _match_returns(
     rest = np.delete(np.arange(len(new)), new_by_mmsi)
     new_by_position, old_by_position = _match_positions(settings, new, rest, old, np.flatnonzero(is_held), time_s)
     return np.append(new_by_mmsi, new_by_position), free[np.append(old_by_mmsi, old_by_position)]
+
+
+def _restore_after_turns(known: KnownVessels, is_free: Bools, goes_on: Bools, vessel_of_group: Ints, time_s: float) -> None:
+    """Give the groups of later vessels the ids of vessels that lost their track in a sharp turn, in place.
+
+    A filter that goes on straight loses its vessel, and a second track begins beside it. The later vessel has no MMSI, began about when
+    the other one was seen last, at about the same speed, where that one may have turned to. No other pair has one of the two.
+    Args: is_free: (K,) shown and hidden vessels without tracks; goes_on: (K,) those with a track of the last cycle; vessel_of_group:
+    (V,) written.
+    """
+    from scipy.spatial import cKDTree
+
+    old = np.flatnonzero(is_free)
+    old = old[time_s - known.take(old).updated_s <= TURN_S]
+    if len(old) == 0:
+        return
+    later = vessel_of_group[(vessel_of_group >= 0) & (vessel_of_group < len(known.shown))]
+    shown, later = known.shown, later[goes_on[later]]
+    later = later[(shown.mmsi[later] < 0) & (time_s - shown.since_s[later] <= TURN_S)]
+    if len(later) == 0:
+        return
+    old = old[np.argsort(known.take(old).vessel_id)]
+    one, two = known.take(old), shown.take(later)
+    seen_deg = offset_deg(one.position_deg, -one.velocity_m_s * (one.time_s - one.updated_s)[:, None])
+    begun_deg = offset_deg(two.position_deg, -two.velocity_m_s * (two.time_s - two.since_s)[:, None])
+    trees = cKDTree(earth_centred(seen_deg)), cKDTree(earth_centred(begun_deg))
+    near = trees[0].sparse_distance_matrix(trees[1], NEAR_M, output_type="ndarray")
+    i, j, away_m = near["i"].astype(np.int64), near["j"].astype(np.int64), near["v"]
+    gap_s, passed_s = two.since_s[j] - one.updated_s[i], time_s - one.updated_s[i]
+    speeds = np.stack([np.hypot(*one.velocity_m_s[i].T), np.hypot(*two.velocity_m_s[j].T)])
+    spread_m = np.sqrt(np.trace(one.covariance[i, :2, :2] + two.covariance[j, :2, :2], axis1=1, axis2=2))
+    turned = np.hypot(*(one.velocity_m_s[i] - two.velocity_m_s[j]).T) <= SHARPEST_M_S2 * passed_s
+    fits = turned & (np.abs(gap_s) <= TURN_GAP_S) & (one.since_s[i] < two.since_s[j])
+    fits &= away_m <= speeds.max(axis=0) * (np.abs(gap_s) + TURN_SLACK_S) + TURN_SIGMAS * spread_m
+    fits &= speeds.max(axis=0) - speeds.min(axis=0) <= SPEED_CHANGE * speeds.max(axis=0) + SPEED_SLACK_M_S
+    i, j = i[fits], j[fits]
+    alone = (np.bincount(i, minlength=len(old))[i] == 1) & (np.bincount(j, minlength=len(later))[j] == 1)
+    group_of = np.full(len(is_free), -1, np.int64)
+    known_rows = (vessel_of_group >= 0) & (vessel_of_group < len(is_free))
+    group_of[vessel_of_group[known_rows]] = np.flatnonzero(known_rows)
+    vessel_of_group[group_of[later[j[alone]]]] = old[i[alone]]
 
 
 def _match_mmsi(settings: IdentitySettings, new: Picture, old: Picture, time_s: float) -> tuple[Ints, Ints]:

@@ -97,10 +97,11 @@ def flags_of(
     ships_s = newest_s[has_ais & (stays | np.isin(picture.nav_status, (1, 5)))]
     pause_s = min(max(newest_s) - min(ships_s), 180.0) if len(ships_s) else 0.0
     began_s = min(memory.began_s, time_s)
-    pause_s = 180.0 if time_s - began_s < 360.0 else pause_s
     was_dark = np.isin(picture.vessel_id, list(memory.dark))
     slow = stays | (np.linalg.norm(picture.velocity_m_s, axis=1) < 2 * KNOT_M_S)
     may_be &= (time_s - no_ais >= settings.dark_after_s + pause_s) | ~slow | was_dark
+    rests = slow & (anchor_since_s <= no_ais + settings.dark_unshown_s) & (time_s - began_s < 360.0)
+    may_be &= (time_s - no_ais >= settings.dark_after_s + 180.0) | ~rests | was_dark
     silent = may_be & (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1) & ~had_ais & ~among)
     flags |= np.where(silent, int(Flag.DARK), 0)
     flags |= np.where(newest_s - no_radar >= settings.unseen_after_s, int(Flag.AIS_WITHOUT_RADAR), 0)

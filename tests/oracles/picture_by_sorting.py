@@ -5,6 +5,7 @@ Slow above some 10,000 tracks. `step` takes the settings of `Identity`; `start` 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,6 +71,7 @@ def step(
     present = _row_of_tracks(tracks, associations, fused, alarms)
     vessel_id = return_of_the_lost(settings, vessel_id, memory, present, tracks, time_s)
     vessel_id = return_under_radar(settings, vessel_id, memory, present, tracks, associations.vessel, time_s)
+    vessel_id = return_from_turns(vessel_id, memory, tracks, time_s)
     fresh = vessel_id < 0
     vessel_id = np.where(fresh, memory.next_id + np.cumsum(fresh) - 1, vessel_id)
     present = _with_past(replace(present, vessel_id=vessel_id), last)
@@ -229,6 +231,36 @@ def return_under_radar(
     for g, k in zip(joined[new].tolist(), free[old].tolist(), strict=True):
         if unnamed[int(vessel_id[g])] >= last.updated_s[k]:
             out[g] = last.vessel_id[k]
+    return out
+
+
+def return_from_turns(vessel_id: Ints, memory: PictureMemory, tracks: Tracks, time_s: float) -> Ints:
+    """Ids with those of vessels that lost their track in a turn given to the later vessel beside it, where no other could be it."""
+    last, out = memory.picture, vessel_id.copy()
+    alive = memory.track_vessel[np.isin(memory.track_id, tracks.track_id)]
+    free = ~np.isin(last.vessel_id, vessel_id) & ~np.isin(last.vessel_id, alive)
+    row = {int(k): n for n, k in enumerate(last.vessel_id)}
+    pairs = []
+    for i in np.flatnonzero(free & (time_s - last.updated_s <= 60.0)):
+        for j in (row[k] for k in set(vessel_id.tolist()) & set(row)):
+            later = last.mmsi[j] < 0 and time_s - last.since_s[j] <= 60.0 and last.since_s[j] > last.since_s[i]
+            if not later or last.vessel_id[j] not in alive:
+                continue
+            gap_s, passed_s = abs(last.since_s[j] - last.updated_s[i]), time_s - last.updated_s[i]
+            places = [
+                offset_deg(last.position_deg[[k]], -last.velocity_m_s[[k]] * (last.time_s[k] - then_s))
+                for k, then_s in ((i, last.updated_s[i]), (j, last.since_s[j]))
+            ]
+            away_m = float(np.linalg.norm(earth_centred(places[0]) - earth_centred(places[1])))
+            speeds = [float(np.linalg.norm(last.velocity_m_s[k])) for k in (i, j)]
+            spread_m = math.sqrt(sum(np.trace(last.covariance[k, :2, :2]) for k in (i, j)))
+            turned = float(np.linalg.norm(last.velocity_m_s[i] - last.velocity_m_s[j])) <= 1.5 * passed_s
+            near = away_m <= max(speeds) * (gap_s + 6.0) + 3.0 * spread_m and away_m <= 2000.0
+            if turned and near and gap_s <= 20.0 and max(speeds) - min(speeds) <= 0.3 * max(speeds) + 2.0:
+                pairs.append((i, j))
+    for i, j in pairs:
+        if sum(a == i for a, _ in pairs) == 1 == sum(b == j for _, b in pairs):
+            out[vessel_id == last.vessel_id[j]] = last.vessel_id[i]
     return out
 
 

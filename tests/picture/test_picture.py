@@ -145,6 +145,19 @@ def test_a_ship_that_radar_sees_again_first_has_its_id_back_when_its_ais_returns
     assert ids(out)[105] != before
 
 
+@pytest.mark.parametrize(("begins_s", "more", "returns"), [(60.0, (), True), (15.0, (), False), (60.0, (12.0,), False)])
+def test_a_vessel_that_turned_away_from_its_track_has_its_id_back(begins_s, more, returns):
+    """Fast boats had a new id after each turn. Not where the second track began long before, or two may be the vessel."""
+    later = [
+        (20 + k, 0, 1 + k, 5.0 + 5.0 * k, -1, 5, 0.0, start_s)
+        for k, start_s in enumerate((begins_s, *(begins_s + x for x in more)))
+    ]
+    losing = [[(1, 0, 0, 0.0, -1, 5, 3.0 * k), *later] for k in range(1, 6)]
+    out = play([[RADAR]] * 20 + losing + [[(number, source, vessel - 1, *rest) for number, source, vessel, *rest in later]] * 5)
+    assert ids(out)[10] == [1]
+    assert (1 in out[-1][0].vessel_id[(out[-1][0].flags & Flag.COASTING) == 0]) == returns
+
+
 def test_ais_alone_returns_by_its_mmsi_after_minutes():
     script = [[AIS]] * 3 + [[]] * 200 + [[(77, 2, 0, 0.0, 235000001, 5)]]
     out = play(script)
