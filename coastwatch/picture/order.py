@@ -114,4 +114,6 @@ def tracks_of(match: IdentityMatch, order: VesselOrder, tracks: Tracks, group: I
     vessel = order.row_of_group[group]
     # The row of a deleted vessel, which no track remembers, is never asked for; -1 of a new track asks for any.
     first = order.next_of_vessel[match.first_vessel] if len(order.next_of_vessel) else vessel
-    return KnownTracks(tracks.track_id, vessel, np.where(match.first_vessel >= 0, first, vessel))
+    # What has split off under a new id is first in that: so it has it again after the next split.
+    keeps_first = (match.first_vessel >= 0) & (order.vessel_of_row[vessel] >= 0)
+    return KnownTracks(tracks.track_id, vessel, np.where(keeps_first, first, vessel))

@@ -96,7 +96,7 @@ def step(
         kept.take(np.argsort(kept.vessel_id, kind="stable")),
         tracks.track_id[order],
         of_track[order],
-        np.where(home < 0, of_track, home)[order],
+        np.where((home < 0) | (of_track >= memory.next_id), of_track, home)[order],
         memory.next_id + int(fresh.sum()),
         flag_memory,
         names.past,

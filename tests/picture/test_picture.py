@@ -158,6 +158,13 @@ def test_a_vessel_that_turned_away_from_its_track_has_its_id_back(begins_s, more
     assert (1 in out[-1][0].vessel_id[(out[-1][0].flags & Flag.COASTING) == 0]) == returns
 
 
+def test_a_track_that_splits_from_its_ais_again_and_again_has_one_id_beside_it():
+    """It had a new one at each split: sixty in fifty minutes."""
+    apart, together = [RADAR, (3, 2, 1, 0.0, 235000001, 5)], [RADAR, AIS]
+    seen = {vessel for now in ids(play([together] * 10 + ([apart] * 5 + [together] * 5) * 6)) for vessel in now}
+    assert len(seen) == 2
+
+
 def test_ais_alone_returns_by_its_mmsi_after_minutes():
     script = [[AIS]] * 3 + [[]] * 200 + [[(77, 2, 0, 0.0, 235000001, 5)]]
     out = play(script)
