@@ -64,6 +64,20 @@ def test_the_second_in_the_message_dates_the_fix(tmp_path: Path) -> None:
     assert (read(tmp_path, lines, intake={"message_second": False})[0].time_s - T0).tolist() == [2.0, 3.0, 4.0, 5.0]
 
 
+@pytest.mark.parametrize("late_s", [15.0, 20.0, 37.0])
+def test_a_feed_that_is_late_as_a_whole_is_dated_by_the_seconds_of_its_messages(tmp_path: Path, late_s: float) -> None:
+    """Ships were shown 60 m off at 10 knots. T0 is second 38 of a minute; one vessel of eight has a wrong second."""
+    lines = []
+    for k in range(60):
+        second = int(38 + k) % 60 if k % 8 else 0
+        lines.append(f"{T0 + k + late_s:.0f} {sentence(mmsi=257000001 + k % 8, second=second)[0]}")
+    reports, faults = read(tmp_path, lines)
+    right = reports.mmsi != 257000001
+    assert np.count_nonzero(right) >= 50
+    assert (reports.received_s - reports.time_s)[right].tolist() == [late_s] * np.count_nonzero(right)
+    assert faults["received late, as the reports of most vessels: the second in the message is the time of the fix"].count >= 50
+
+
 def test_a_second_too_old_to_be_the_time_makes_the_time_of_reception_uncertain(tmp_path: Path) -> None:
     stamp = T0 + 2.0  # second 40 of the minute
     lines = [f"{stamp + i:.0f} {sentence(mmsi=257000001 + i, second=s)[0]}" for i, s in enumerate((20, 48, 60, 42))]

@@ -53,6 +53,10 @@ COG_RANGE = SET_ASIDE + "COG that no message can hold, taken as not available"
 
 HIGHEST_SOG_KN = 102.35  # 102.2 kn and more is 102.2, 102.3 is not available; a table may have rounded them
 FIRST_WRONG_COG_DEG = 360.05  # 360 is not available
+LATE_FEED = "received late, as the reports of most vessels: the second in the message is the time of the fix"
+FEWEST_AGES, MOST_AGES, SAME_DELAY = 5, 20_000, 0.7
+"""Vessels that show the delay of a feed, at least and at most, and the share of them that have it."""
+
 REMEMBERED_STAMPS = 10_000  # accepted stamps before a block, by which its own are judged
 
 
@@ -129,6 +133,30 @@ class _Seen(Batch):
     received_s: Floats = column(np.float64, "M")
 
 
+@dataclass(frozen=True, eq=False)
+class _SecondAges(Batch):
+    """How old the second in the newest message of each vessel was, sorted by MMSI."""
+
+    mmsi: Ints = column(np.int64, "N")
+    age_s: Floats = column(np.float64, "N")
+
+    def updated(self, mmsi: Ints, age_s: Floats) -> _SecondAges:
+        """With the newest of these messages too. Of very many vessels every second is kept. Args: (M,), (M,) in order of arrival."""
+        every, age = np.concatenate([self.mmsi, mmsi])[::-1], np.concatenate([self.age_s, age_s])[::-1]
+        vessel, newest = np.unique(every, return_index=True)
+        kept = slice(None, None, 1 + len(vessel) // MOST_AGES)
+        return _SecondAges(vessel[kept], age[newest][kept])
+
+    def common_s(self, within_s: float) -> float:
+        """The delay of the whole feed, if most vessels have one that is longer than `within_s`, and about the same; else 0."""
+        if len(self) < FEWEST_AGES or np.mean(self.age_s <= within_s) >= 0.5:
+            return 0.0
+        start = np.sort(self.age_s)
+        count = np.searchsorted(start, start + within_s, side="right") - np.arange(len(start))
+        best = int(count.argmax())
+        return float(start[best]) if count[best] >= SAME_DELAY * len(start) else 0.0
+
+
 class Acceptance:
     """Which rows of one stream are accepted, decided block by block, in order of the file.
 
@@ -142,6 +170,7 @@ class Acceptance:
         self.newest_s = -math.inf  # time of reception, so far
         self.backwards = 0  # records refused so far because they go back in time
         self._positions, self._statics = _Seen.empty(), _Seen.empty()
+        self._ages = _SecondAges.empty()
 
     def block(
         self, rows: AisRows, statics: AisStatics, static_rows: StaticRows, ahead_s: Floats | None = None
@@ -198,7 +227,7 @@ class Acceptance:
         no_value = {SOG_RANGE: (sog < 0.0) | (sog > HIGHEST_SOG_KN), COG_RANGE: (cog < 0.0) | (cog >= FIRST_WRONG_COG_DEG)}
         for kind, mask in no_value.items():
             self._tally.add_rows(kind, mask, lambda i: self._location(rows.row[i]), lambda i: _example(rows, i), used=True)
-        fix_s, error_s = _fix_s(rows, intake)
+        fix_s, error_s = self._fix_s(rows)
         return AisReports(
             time_s=np.minimum(fix_s, received),
             received_s=received,
@@ -215,6 +244,28 @@ class Acceptance:
             heading_deg=np.where(_within(rows.heading_deg, 360.0), rows.heading_deg, np.nan),
             time_error_s=error_s,
         )
+
+    def _fix_s(self, rows: AisRows) -> tuple[Floats, Floats]:
+        """The time of each fix: by the second in the message if it agrees with the clock, else as recorded, else as received. (M,)
+
+        A feed may come late as a whole: then the second agrees if it is as old as that of most vessels.
+        Returns also by how much that second contradicts the time, s, from 0 to 30, as a second does not say the minute; NaN: it does
+        not. (M,)
+        """
+        recorded, intake = ~np.isnan(rows.fix_s), self._intake
+        stated, unknown = np.where(recorded, rows.fix_s, rows.stamp_s), np.full(len(rows), np.nan)
+        if not intake.message_second:
+            return stated, unknown
+        age = (rows.stamp_s - rows.second + CLOCK_SLACK_S) % 60.0 - CLOCK_SLACK_S
+        has_second = (rows.second >= 0) & (rows.second < 60)
+        self._ages = self._ages.updated(rows.mmsi[has_second], age[has_second])
+        delay_s = self._ages.common_s(intake.message_second_within_s)
+        agrees = has_second & (age <= intake.message_second_within_s)
+        late = has_second & ~agrees & (delay_s > 0.0) & (np.abs(age - delay_s) <= intake.message_second_within_s)
+        self._tally.add_rows(LATE_FEED, late, lambda i: self._location(rows.row[i]), lambda i: f"{age[i]:.0f} s", used=True)
+        agrees |= late
+        contradicted = has_second & ~agrees & ~recorded
+        return np.where(agrees, rows.stamp_s - age, stated), np.where(contradicted, np.minimum(age, 60.0 - age), unknown)
 
     def _static_data(self, static_rows: StaticRows, received: Floats, statics: AisStatics) -> AisStatics:
         mmsi = statics.mmsi[static_rows.static]
@@ -259,22 +310,6 @@ def _faults(rows: AisRows) -> dict[str, Bools]:
 
 def _within(value: Floats, below: float) -> Bools:
     return np.asarray((value >= 0.0) & (value < below))
-
-
-def _fix_s(rows: AisRows, intake: AisIntake) -> tuple[Floats, Floats]:
-    """The time of each fix: by the second in the message if it agrees with the clock, else as recorded, else as received. (M,)
-
-    Returns also by how much that second contradicts the time, s, from 0 to 30, as a second does not say the minute; NaN: it does not. (M,)
-    """
-    recorded = ~np.isnan(rows.fix_s)
-    stated, unknown = np.where(recorded, rows.fix_s, rows.stamp_s), np.full(len(rows), np.nan)
-    if not intake.message_second:
-        return stated, unknown
-    age = (rows.stamp_s - rows.second + CLOCK_SLACK_S) % 60.0 - CLOCK_SLACK_S
-    has_second = (rows.second >= 0) & (rows.second < 60)
-    agrees = has_second & (age <= intake.message_second_within_s)
-    contradicted = has_second & ~agrees & ~recorded
-    return np.where(agrees, rows.stamp_s - age, stated), np.where(contradicted, np.minimum(age, 60.0 - age), unknown)
 
 
 def _example(rows: AisRows, i: int) -> str:
