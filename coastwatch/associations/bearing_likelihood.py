@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
+from coastwatch.associations.bearing_bias_search import BiasSearch
 from coastwatch.associations.bearing_sensors import (
     AudiblePairs,
     OutsideDetections,
@@ -110,6 +111,7 @@ class LikelihoodMemory:
     bias: SensorBias  # of no sensor before the first cycle
     outside: OutsideDetections
     types: ShipTypes
+    search: BiasSearch  # of no sensor before the first cycle
 
 
 class BearingLikelihood(Method):
@@ -119,7 +121,8 @@ class BearingLikelihood(Method):
       this vessel, and an unknown vessel anywhere in range.
     - Errors: white noise, as the bearing or else the sensor states it, a position error that is correlated in time, and the
       uncertainty of the sensor's bias.
-    - The bias of each sensor is the running median residual of its pairs.
+    - The bias of each sensor is the running median residual of its pairs. A large one, up to 20 degrees, is found by the turn that
+      puts most of its tracks on vessels (`bearing_bias_search.py`).
     - A vessel outside the nominal coverage is at first detected with probability 1/2; then the sensor's pairs tell. A vessel
       counts as outside if it was outside at any bearing of the window.
     - If a sensor reports classes of vessels, their likelihood given the ship type in the vessel's AIS is added.
@@ -162,7 +165,11 @@ class BearingLikelihood(Method):
 
     def init(self) -> LikelihoodMemory:
         return LikelihoodMemory(
-            PositionHistory.empty(), SensorBias.initial(0, 0.0), OutsideDetections.initial(0), ShipTypes.empty()
+            PositionHistory.empty(),
+            SensorBias.initial(0, 0.0),
+            OutsideDetections.initial(0),
+            ShipTypes.empty(),
+            BiasSearch.initial(0),
         )
 
     def step(self, memory: LikelihoodMemory, given: BearingAssociationInput) -> tuple[LikelihoodMemory, BearingAssociations]:
@@ -175,6 +182,7 @@ class BearingLikelihood(Method):
                 memory,
                 bias=SensorBias.initial(len(sensors.sonars), float(np.radians(self.bias_sigma_deg))),
                 outside=OutsideDetections.initial(len(sensors.sonars)),
+                search=BiasSearch.initial(len(sensors.sonars)),
             )
         audible = AudiblePairs.of(bearing_tracks, picture, octants, sensors)
         positions = self._positions(memory.positions, picture, audible, given.time_s, sensors)
@@ -185,7 +193,10 @@ class BearingLikelihood(Method):
         chosen = kernels.association.assignment.assign(bearing_row, pair, log_odds - self.threshold)
         limits = float(np.radians(self.bias_floor_deg)), float(np.radians(self.bias_sigma_deg))
         bias = memory.bias.updated(sensor[chosen], difference[chosen], self.bias_gain, self.bias_pairs, limits)
-        memory = replace(memory, bias=bias, outside=memory.outside.updated(audible, pair[chosen]))
+        search = memory.search
+        if self.bias_gain > 0.0:
+            search, bias = search.updated(bias, bearing_tracks, picture, audible, sensors, given.time_s, limits[1])
+        memory = replace(memory, bias=bias, search=search, outside=memory.outside.updated(audible, pair[chosen]))
         certainty = bearing_tracks.certainty[bearing_row[chosen]]
         probability = pair_probability(bearing_row, pair, log_odds)[chosen] * np.where(np.isnan(certainty), 1.0, certainty)
         return memory, BearingAssociations(

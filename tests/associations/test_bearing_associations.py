@@ -17,6 +17,7 @@ from coastwatch.associations import BearingAssociationInput, BearingAssociator
 from coastwatch.associations.bearing_likelihood import BearingLikelihood, pair_probability, score_octants
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance, sample_statistic
 from coastwatch.batches import CLASSES, AisStatics, BearingTracks, Picture
+from coastwatch.geodesy import wrap_rad
 from coastwatch.sensors.simulated.sonar import SonarTruth, reported_class
 from coastwatch.server.checkpoint import load, save
 from coastwatch.spots import OctantInput
@@ -112,6 +113,28 @@ def test_a_bias_costs_next_to_nothing_and_is_found() -> None:
     blind = Run(BearingLikelihood(bias_gain=0.0, bias_sigma_deg=0.0), bw.centre(), 200, 150, bias_deg=0.5)
     assert bw.f1(blind.counts(120)) < bw.f1(plain) - 0.02
     assert blind.found.sensor_bias_rad.tolist() == [0.0]
+
+
+@pytest.mark.parametrize("bias_deg", [-12.0, 5.0])
+def test_a_bias_of_many_standard_deviations_is_found(bias_deg: float) -> None:
+    """A compass wrong by more than three degrees gave every bearing to a wrong ship, or to none, and a wrong bias was stated."""
+    run = Run(BearingLikelihood(), bw.centre(), 100, 150, bias_deg=bias_deg)
+    assert bw.f1(run.counts(100)) > 0.93
+    assert np.degrees(run.found.sensor_bias_rad) == pytest.approx([bias_deg], abs=0.15)
+    assert 0.0 < np.degrees(run.found.sensor_bias_sigma_rad[0]) < 0.3
+
+
+def test_no_bias_is_found_where_the_vessels_of_the_bearings_are_not_in_the_picture() -> None:
+    run = Run(BearingLikelihood(), bw.centre(), 100, 90)
+    rng, elsewhere = np.random.default_rng([SEED, 10]), BearingLikelihood()
+    memory, wrong = elsewhere.init(), []
+    turned_rad = rng.uniform(-np.pi, np.pi, 10_000)
+    for t in range(3, 91, 3):
+        tracks, picture = run.inputs(t)
+        turned = replace(tracks, bearing_rad=wrap_rad(tracks.bearing_rad + turned_rad[tracks.track_id % 10_000]))
+        memory, found = run.associate(memory, turned, picture, t)
+        wrong.append(abs(float(found.sensor_bias_rad[0])))
+    assert np.degrees(max(wrong)) < 1.0
 
 
 def test_a_sensor_that_hears_farther_than_it_says_is_found_out() -> None:

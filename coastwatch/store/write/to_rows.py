@@ -273,7 +273,9 @@ def registration_rows(
 
     azimuth = of_radars(np.degrees(c.azimuth_bias_rad))
     azimuth[stations : stations + len(bias)] = bias
-    radars = (np.degrees(c.azimuth_sigma_rad), c.range_bias_m, c.range_sigma_m, c.time_lag_s, c.estimated_lag_s, c.lag_sigma_s)
+    azimuth_sigma, sigma_rad = of_radars(np.degrees(c.azimuth_sigma_rad)), cycle.bearing_associations.sensor_bias_sigma_rad
+    azimuth_sigma[stations : stations + len(sigma_rad)] = np.degrees(sigma_rad)
+    radars = (c.range_bias_m, c.range_sigma_m, c.time_lag_s, c.estimated_lag_s, c.lag_sigma_s)
     none, jitter = np.full(others, -1), np.full(len(kinds), np.nan)
     after, before = np.full(len(t), -1), np.full(others + len(c), -1)
     heard_feeds = min(feeds, len(cycle.ais_feeds))
@@ -294,6 +296,7 @@ def registration_rows(
         np.array([last_report.get(sensor, np.nan) for sensor in sensors], float),
         Categorical(np.concatenate([none, c.state, after]), [state.name.lower() for state in RegistrationState]),
         azimuth,
+        azimuth_sigma,
         *map(of_radars, radars),
         NullableId(np.concatenate([none, c.references, t.partners])),
         of_radars(c.residuals),
