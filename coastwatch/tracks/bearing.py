@@ -28,13 +28,18 @@ from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
-from coastwatch.tracks.bearing_looks import few, near_in_bearing, rounds
+from coastwatch.tracks.bearing_looks import few, looks_of, near_in_bearing, rounds
 from coastwatch.tracks.bearing_vessels import Predicted, chosen_pairs, in_crowd, predicted_bearings
 from coastwatch.tracks.inputs import BearingInput
 
 LINE_COLUMNS = ("sensor", "time_s", "bearing_rad", "weight")  # the data of a line fit
 GAIN = 100.0  # greater than any squared gate plus the logarithm of its width: every bearing in a gate has a positive gain
 PATIENCE = 2.5  # intervals of its sensor that a track waits for a bearing, if that is longer than `drop_after_s`
+TURN_GAIN = 0.2  # share of the newest time between two bearings of a track that is taken over
+AGAIN = 0.5  # of a turn, before which a track takes no second bearing
+FEWEST_TURNED = 3  # tracks of a look that tell the turn
+NEAR_SIGMAS = 1.5  # of a bearing that tells the turn
+SAME_DIRECTION = 5.0  # standard deviations of bearings, within which two may be of one vessel
 NOISE_GAIN = 0.05  # share of the scatter of a cycle that is taken over
 NOISE_DOUBTED = 2.0  # variance over the stated one from which the stated one is not believed
 MOST_NOISE = 400.0
@@ -62,10 +67,12 @@ class BearingMemory:
     precision: Floats  # (N, W) mean of `relative_weight` in the slot: 1 for reports without a variance of their own
     site_deg: Floats  # (N, W, 2)
     signatures: Ints  # (N, C) reports of each VesselClass
+    looked_s: Floats  # (N,) time of the newest look that was counted; own tracks only
     doubt_s: Floats  # (N,) of a bearing far from the others of its contact, not used until the next one agrees with it
     doubt_rad: Floats  # (N,) NaN: none
     counter: Ints  # (K,) tracks that each sensor has had
     noise: Floats  # (K,) variance of the bearings of each sensor, as learned, over the stated one
+    turn_s: Floats  # (K,) of a sensor that gives each bearing its own time: between two bearings of a track; 0: not known, or another
     dropped: int  # reports that are not finite or from the future
     far_off: int  # bearings that were not used, as they were far from the others of their contact
     left_out: int  # reports beyond the counts of `bearing_looks`
@@ -85,11 +92,13 @@ class BearingMemory:
     def empty(window: int) -> BearingMemory:
         n, x, slots = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, window))
         sites, signatures = np.zeros((0, window, 2)), np.zeros((0, CLASSES), np.int64)
-        return BearingMemory(n, n, n, x, x, x, n, n, n, n, slots, slots, slots, slots, sites, signatures, x, x, n, x, 0, 0, 0)
+        return BearingMemory(
+            n, n, n, x, x, x, n, n, n, n, slots, slots, slots, slots, sites, signatures, x, x, x, n, x, x, 0, 0, 0
+        )
 
 
 COUNTS = ("dropped", "far_off", "left_out")
-ROWS = tuple(f.name for f in fields(BearingMemory) if f.name not in ("counter", "noise", *COUNTS))
+ROWS = tuple(f.name for f in fields(BearingMemory) if f.name not in ("counter", "noise", "turn_s", *COUNTS))
 MEASURED = ("measured_weight", "measured_s", "measured_rad", "measured_site_deg")  # means over the bearings of this cycle
 CYCLE = (*MEASURED, "certainty")
 OWN, OF_VESSEL = -1, -2  # contact of our own tracks; that of a track of vessel v is OF_VESSEL - v
@@ -101,6 +110,7 @@ EMPTY = {
     "site_deg": np.nan,
     "begin_s": np.nan,
     "certainty": np.nan,
+    "looked_s": -np.inf,
     "doubt_s": np.nan,
     "doubt_rad": np.nan,
 }
@@ -118,6 +128,7 @@ class Windows:
         is_known = len(memory.counter) == len(first_id)
         self.counter = memory.counter.copy() if is_known else np.zeros(len(first_id), np.int64)
         self.noise = memory.noise.copy() if is_known else np.ones(len(first_id))
+        self.turn_s = memory.turn_s.copy() if is_known else np.zeros(len(first_id))
         self.settings, self.spacing_s, self.first_id = settings, settings.window_s / settings.length, first_id
         self.sigma_rad = stated.bearing_sigma_rad
         self.noise_rad = self.sigma_rad * np.sqrt(np.where(self.noise < NOISE_DOUBTED, 1.0, self.noise))
@@ -248,12 +259,26 @@ class Windows:
             self.column[name] = np.concatenate([old, columns.get(name, empty)])
         self.update(before + np.arange(n), reports)
 
-    def count_look(self, rows: Ints, hit: Ints) -> None:
-        """Counts one look of the sensor at each of these rows, and a miss where it had no bearing."""
+    def count_look(self, rows: Ints, time_s: Floats, hit: Ints) -> None:
+        """Counts one look of the sensor at each of these rows, and a miss where it had no bearing. In one turn a row is counted once."""
         c = self.column
+        counted = time_s - c["looked_s"][rows] >= SAME_SLOT * self.turn_s[c["sensor"][rows]]
+        rows, time_s = rows[counted], time_s[counted]
         c["looks"][rows] += 1
         c["misses"][rows] += 1
+        c["looked_s"][rows] = time_s
         c["misses"][hit] = 0
+
+    def learn_turn(self, row: Ints, reports: BearingReports) -> None:
+        """Learns the turn of sensors that give each bearing its own time. Args: row: (M,) tracks that the reports are entered in next."""
+        off = np.abs(wrap_rad(np.radians(reports.bearing_deg) - self.column["bearing_rad"][row, -1]))
+        near = off <= NEAR_SIGMAS * self.noise_rad[reports.sensor]  # the others may be of another vessel
+        row, reports = row[near], reports.take(near)
+        between_s = reports.time_s - self.column["updated_s"][row]
+        count, median = kernels.bearings.candidates.median_of_groups(reports.sensor, between_s, len(self.turn_s))
+        some = np.flatnonzero(count >= FEWEST_TURNED)
+        known = self.turn_s[some] > 0.0
+        self.turn_s[some] += np.where(known, TURN_GAIN, 1.0) * (median[some] - self.turn_s[some])
 
     def keep(self, rows: Bools) -> None:
         """Forgets the other rows."""
@@ -275,7 +300,13 @@ class Windows:
         order = np.argsort(self.column["track_id"], kind="stable")
         columns = {name: self.column[name][order] for name in ROWS}
         return BearingMemory(
-            **columns, counter=self.counter, noise=self.noise, dropped=dropped, far_off=far_off, left_out=left_out
+            **columns,
+            counter=self.counter,
+            noise=self.noise,
+            turn_s=self.turn_s,
+            dropped=dropped,
+            far_off=far_off,
+            left_out=left_out,
         )
 
     def measured(self) -> dict[str, Array]:
@@ -292,6 +323,13 @@ def _between_deg(first: Floats, second: Floats, share: Floats) -> Floats:
     mean[:, 1] = wrap_deg(mean[:, 1])
     # Wrapping rounds: the position of a fixed sensor must keep its bits.
     return np.where(off == 0.0, first, mean)
+
+
+def _is_alone(reports: BearingReports) -> Bools:
+    """Which sensors give each bearing of a look its own time, and gave several. (K,) Args: reports: sorted by sensor, then time."""
+    count = np.bincount(reports.sensor)
+    same = (np.diff(reports.sensor) == 0) & (np.diff(reports.time_s) == 0.0)
+    return np.asarray((count > 1) & (np.bincount(reports.sensor[1:][same], minlength=len(count)) == 0))
 
 
 def relative_weight(reports: BearingReports, sigma_rad: Floats) -> Floats:
@@ -316,8 +354,9 @@ class BearingWindow(Method):
     bearing, and ends after `end_misses` looks without. Every track ends when it is silent for longer than `drop_after_s`.
     Where a gate holds `crowd` vessels of the picture on average, these predict the bearings, one track for each, and only what is
     left goes to own tracks.
-    A look is the bearings of one time. Of very many bearings in a cycle an even choice is used, of own tracks by whole looks, and the
-    others are counted. A cycle with a longer time takes more, within bounds.
+    A look is the bearings of one time, or of a turn of a sensor that gives each bearing its own time. Of very many bearings in a
+    cycle an even choice is used, of own tracks by whole looks, and the others are counted. A cycle with a longer time takes more,
+    within bounds.
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
     Approach, eq. 10 (bearing and angular velocity from successive bearings over a given time).
     """
@@ -363,13 +402,14 @@ class BearingWindow(Method):
         usable = np.isfinite(reports.bearing_deg) & np.isfinite(reports.time_s) & (reports.time_s <= time_s + self.ahead_s)
         dropped = memory.dropped + int((~usable).sum())
         reports = reports.take(order[usable[order]])
-        used = few(reports)
-        left_out, reports = memory.left_out + int((~used).sum()), reports.take(used)
+        look = looks_of(reports, SAME_DIRECTION * windows.noise_rad, SAME_SLOT * sensors.sonars.interval_s)
+        used = few(reports, look)
+        left_out, reports, look = memory.left_out + int((~used).sum()), reports.take(used), look[used]
         numbered, own = reports.take(reports.contact >= 0), reports.take(reports.contact < 0)
         for rows in rounds(numbered.sensor * CONTACTS + numbered.contact, np.arange(len(numbered))):
             windows.update_contacts(numbered.take(rows))
         own = replace(own, contact=np.full(len(own), OWN))
-        for rows in rounds(own.sensor, own.time_s):  # a look is the reports of one sensor at one time
+        for rows in rounds(own.sensor, look[look >= 0]):
             self._look(windows, own.take(rows), expected, sensors)
         windows.learn_noise()
         c = windows.column
@@ -384,12 +424,14 @@ class BearingWindow(Method):
         start = np.searchsorted(reports.sensor, c["sensor"])
         count = np.searchsorted(reports.sensor, c["sensor"], side="right") - start
         looked = np.flatnonzero((c["contact"] < 0) & (count > 0))
-        time_s = reports.time_s[start[looked]]
+        time_s = 0.5 * (reports.time_s[start[looked]] + reports.time_s[start[looked] + count[looked] - 1])
         hit, begun, rest = self._of_vessels(windows, reports, expected, sensors)
         seen = np.flatnonzero(c["contact"][looked] == OWN)
         pair, report = self._of_own_tracks(windows, looked[seen], time_s[seen], rest)
+        turns = _is_alone(reports)[rest.sensor[report]]
+        windows.learn_turn(pair[turns], rest.take(report[turns]))
         windows.update(pair, rest.take(report))
-        windows.count_look(looked, np.append(hit, pair))
+        windows.count_look(looked, time_s, np.append(hit, pair))
         ended = (c["misses"] >= self.end_misses) | ((c["looks"] >= self.start_looks) & (c["hits"] < self.start_hits))
         windows.keep((c["contact"] >= 0) | ~ended)
         unused = np.ones(len(rest), np.bool_)
@@ -397,6 +439,7 @@ class BearingWindow(Method):
         before = len(windows.column["looks"])
         windows.initialise(BearingReports.join([begun, rest.take(unused)]))
         windows.column["looks"][before:] = 1
+        windows.column["looked_s"][before:] = windows.column["updated_s"][before:]
 
     def _of_vessels(
         self, windows: Windows, reports: BearingReports, expected: ExpectedVessels, sensors: Sensors
@@ -447,6 +490,9 @@ class BearingWindow(Method):
         np.maximum.at(widest, reports.sensor, sigma_rad[reports.sensor] ** 2 / weight)
         half = self.gate_sigmas * np.sqrt(covariance[:, 0, 0] + widest[c["sensor"][seen]])
         pair, report = near_in_bearing(bearing, half, c["sensor"][seen], reports)
+        waited_s = reports.time_s[report] - c["updated_s"][seen[pair]]
+        again = waited_s >= AGAIN * windows.turn_s[c["sensor"][seen[pair]]]
+        pair, report = pair[again], report[again]
         off = wrap_rad(np.radians(reports.bearing_deg[report]) - bearing[pair])
         noise = sigma_rad[c["sensor"][seen[pair]]] ** 2 / weight[report]
         variance = covariance[pair, 0, 0] + noise

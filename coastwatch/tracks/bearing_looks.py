@@ -1,6 +1,6 @@
 """Which bearings of a cycle are used, in which order tracks take them, and which may be of which track.
 
-A look is the bearings of one sensor at one time.
+A look is the bearings of one sensor at one time, or of one turn of a sensor that gives each bearing its own time.
 """
 
 from __future__ import annotations
@@ -27,8 +27,19 @@ WIDER = 1e-6  # than a gate, for rounding
 MOST_GATED = 64  # bearings of a look that one track is compared with: the nearest
 
 
-def few(reports: BearingReports) -> Bools:
-    """Which reports to use, evenly chosen. (M,) Args: reports: sorted by time.
+def looks_of(reports: BearingReports, half_rad: Floats, longest_s: Floats) -> Ints:
+    """The number of the look of each report without a contact number, -1 of others. (M,) Args: as of `kernels.bearings.looks`."""
+    rows = np.flatnonzero(reports.contact < 0)
+    rows = rows[np.lexsort((reports.time_s[rows], reports.sensor[rows]))]
+    out = np.full(len(reports), -1, np.int64)
+    bearing = wrap_rad(np.radians(reports.bearing_deg[rows]))
+    if len(rows):
+        out[rows] = kernels.bearings.looks.looks_of(reports.sensor[rows], reports.time_s[rows], bearing, half_rad, longest_s)
+    return out
+
+
+def few(reports: BearingReports, look: Ints) -> Bools:
+    """Which reports to use, evenly chosen. (M,) Args: reports: sorted by time; look: (M,) of `looks_of`.
 
     Of a numbered contact at most `MOST_NUMBERED`. Of other bearings of a sensor at most `MOST_LOOKS` whole looks with about `MOST_OWN`
     bearings in all. The counts are for `SHARE_S`.
@@ -44,11 +55,11 @@ def few(reports: BearingReports) -> Bools:
     shares = np.clip((end_s - begin_s) / SHARE_S, 1.0, MOST_SHARES)
     most = (np.where(own, MOST_OWN, MOST_NUMBERED) * shares).astype(np.int64)
     rows = np.flatnonzero(own[of])
-    look, at = _distinct(of[rows], reports.time_s[rows])
-    looks = np.bincount(look, minlength=len(sender))
+    key, at = _distinct(of[rows], look[rows])
+    looks = np.bincount(key, minlength=len(sender))
     most_looks = np.minimum((MOST_LOOKS * shares).astype(np.int64), np.maximum(most * looks // count, 1))
     out = np.ones(len(reports), np.bool_)
-    out[rows] = _evenly(look, most_looks[look])[at]
+    out[rows] = _evenly(key, most_looks[key])[at]
     out[out] = _evenly(of[out], most[of[out]])  # where one look has too many, or looks differ
     return out
 

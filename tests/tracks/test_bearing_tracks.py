@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from coastwatch import kernels
 from coastwatch.batches import ID_STRIDE, BearingReports, Floats, Sensors
 from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.server.checkpoint import load, save
@@ -26,6 +27,7 @@ from coastwatch.tracks.bearing_looks import (
     SHARE_S,
     _evenly,
     few,
+    looks_of,
     near_in_bearing,
     rounds,
 )
@@ -166,6 +168,11 @@ def test_a_bearing_ahead_within_the_limit_is_used_and_one_that_is_not_finite_is_
     assert memory.dropped == 3
 
 
+def used_of(reports: BearingReports) -> np.ndarray:
+    """Which reports are used, of sensors that hear a vessel again after a second or more."""
+    return few(reports, looks_of(reports, np.full(3, 0.1), np.full(3, 1.0)))
+
+
 def steady(wild: dict[int, float], count: int = 20, contact: int = 3) -> list[BearingReports]:
     """A bearing each 3 s of a contact at 10 deg, but for those of some cycles."""
     return [say(0, 3.0 * (k + 1), wild.get(k, 10.0), contact) for k in range(count)]
@@ -216,6 +223,61 @@ def test_a_slow_sensor_keeps_its_contacts_for_some_intervals() -> None:
     for sensors, begun in ((slow, 1), (two_sensors(), 5)):
         memory, _ = play(BearingWindow(), slowly, sensors)
         assert memory.counter.tolist() == [begun, 0]
+
+
+@pytest.mark.parametrize("spread_s", [0.0, 0.02, 2.9])
+@pytest.mark.parametrize("cycle_s", [1.0, 3.0])
+def test_bearings_with_times_of_their_own_are_tracked_as_those_of_one_time(spread_s: float, cycle_s: float) -> None:
+    """A direction finder that turns in 3 s, or lines that arrive one after the other, gave no track at all."""
+    rng, true = np.random.default_rng([11, int(100 * spread_s)]), np.array([5.0, 12.0, 80.0, 84.0, 150.0, 200.0, 260.0, 340.0])
+    times, bearings = [], []
+    for turn in range(20):
+        heard = np.flatnonzero(rng.random(8) < 0.95)
+        times.append(3.0 * turn + 0.05 + spread_s * true[heard] / 360.0)
+        bearings.append(true[heard] + rng.normal(0.0, 1.0, len(heard)))
+    time_s, bearing_deg = np.concatenate(times), np.concatenate(bearings)
+    cycles = np.floor(time_s / cycle_s).astype(int)
+    said = [say(0, time_s[cycles == k], bearing_deg[cycles == k] % 360.0, -1) for k in range(int(60.0 / cycle_s))]
+    memory, tracks = play(BearingWindow(), said, two_sensors(), cycle_s)
+    found = np.sort(np.degrees(tracks.bearing_rad) % 360.0)
+    assert len(found) == 8
+    assert np.abs(found - true).max() < 3.0
+    assert memory.hits.min() > 12
+    assert (memory.turn_s[0] == pytest.approx(3.0, abs=0.3)) if spread_s else memory.turn_s[0] == 0.0
+
+
+def test_a_fast_camera_that_sees_one_vessel_has_one_track() -> None:
+    rng = np.random.default_rng([12, 1])
+    said = [say(0, 1.0 * k + np.arange(0.05, 1.0, 0.1), 45.0 + rng.normal(0.0, 1.0, 10), -1) for k in range(20)]
+    memory, tracks = play(BearingWindow(), said, two_sensors(), 1.0)
+    assert (len(tracks), len(memory.track_id)) == (1, 1)
+    assert memory.hits[0] == 200
+
+
+@given(st.integers(0, 10**6), st.integers(0, 60))
+def test_looks_are_what_their_rule_says(seed, count):
+    rng = np.random.default_rng(seed)
+    sensor = np.sort(rng.integers(0, 3, count))
+    time_s = np.round(rng.uniform(0.0, 10.0, count), 1)
+    order = np.lexsort((time_s, sensor))
+    sensor, time_s, bearing = sensor[order], time_s[order], rng.uniform(-np.pi, np.pi, count)
+    half, longest = np.array([0.05, 0.2, 1.0]), np.array([2.0, 4.0, 8.0])
+    got = kernels.bearings.looks.looks_of(sensor, time_s, bearing, half, longest)
+    for k in range(3):
+        rows, look, begun_s, inside = np.flatnonzero(sensor == k), -1, -np.inf, list[float]()
+        for when in np.unique(time_s[rows]):
+            same = rows[time_s[rows] == when]
+            cells = {int(np.floor(b * 720 / (2 * np.pi))) for b in bearing[same]}
+            near = any(
+                (c - i) % 720 <= r or (i - c) % 720 <= r
+                for c in cells
+                for i in inside
+                for r in [np.ceil(half[k] * 720 / 2 / np.pi)]
+            )
+            if len(same) > 1 or not inside or near or when - begun_s >= longest[k]:
+                look, begun_s, inside = look + 1, when, []
+            inside = [] if len(same) > 1 else [*inside, *cells]
+            assert (got[same] == look).all()
 
 
 def test_fast_reports_share_slots_and_lose_no_precision() -> None:
@@ -393,7 +455,7 @@ def test_of_more_looks_than_are_used_whole_looks_are_chosen() -> None:
     quiet = say(1, np.repeat(np.arange(5) / 2.0, 3), np.tile([10.0, 100.0, 190.0], 5), -1)
     reports = BearingReports.join([flood, quiet])
     reports = reports.take(np.lexsort((reports.sensor, reports.time_s)))
-    used = reports.take(few(reports))
+    used = reports.take(used_of(reports))
     _, of_time = np.unique(used.time_s[used.sensor == 0], return_counts=True)
     assert of_time.tolist() == [4] * MOST_LOOKS
     assert (used.sensor == 1).sum() == 15
@@ -426,12 +488,12 @@ def test_a_longer_cycle_takes_more_bearings_within_bounds(contact: int) -> None:
     for span_s, shares in ((SHARE_S, 1.0), (4.5 * SHARE_S, 4.5), (MOST_SHARES * SHARE_S, MOST_SHARES), (1e9, MOST_SHARES)):
         stamp = np.linspace(0.0, span_s, int(1.5 * MOST_SHARES * most))
         reports = say(0, stamp, np.full(len(stamp), 20.0), contact)
-        assert few(reports).sum() == pytest.approx(shares * most, abs=1)
+        assert used_of(reports).sum() == pytest.approx(shares * most, abs=1)
 
 
 def test_one_look_with_too_many_bearings_is_thinned() -> None:
     reports = say(0, 1.0, np.linspace(0.0, 359.0, 2 * MOST_OWN), -1)
-    assert np.flatnonzero(few(reports)).tolist() == list(range(1, 2 * MOST_OWN, 2))
+    assert np.flatnonzero(used_of(reports)).tolist() == list(range(1, 2 * MOST_OWN, 2))
 
 
 @given(st.integers(0, 10**6), st.integers(0, 40))
@@ -439,7 +501,7 @@ def test_looks_are_the_times_of_each_sensor_in_turn(seed: int, count: int) -> No
     rng = np.random.default_rng([seed, 35])
     sensor, time_s = rng.integers(0, 3, count), np.sort(rng.integers(0, 9, count) / 3.0)
     reports = say(sensor, time_s, np.full(count, 20.0), -1)
-    assert few(reports).all()
+    assert used_of(reports).all()
     looks = [rows.tolist() for rows in rounds(reports.sensor, reports.time_s)]
     times = [np.unique(time_s[sensor == k]) for k in range(3)]
     wanted = [

@@ -3,5 +3,5 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__, submodules=["candidates", "directions", "likelihood", "null_hypothesis", "signatures", "windows"]
+    __name__, submodules=["candidates", "directions", "likelihood", "looks", "null_hypothesis", "signatures", "windows"]
 )
