@@ -346,17 +346,15 @@ class BearingWindow(Method):
 
     Bearings fall into slots of `window_s / length` seconds that hold their mean, so that a camera needs no more memory than a
     sonar. Bearing and rate are the least squares line through the newest `rate_length` slots, the rate with a wide prior, so
-    that one bearing is enough. A report that is not newer than what its contact already has is left out. So is a bearing of a
-    numbered contact far from the others, unless the next one agrees with it: then a new track begins.
-    Where bearings scatter more than stated, by twice the variance or more, the variance that is learned is used.
+    that one bearing is enough. What is not newer than what its contact has is left out. So is a bearing far from the others of
+    its contact, unless the next one agrees with it: then a new track begins. Scatter of twice the stated variance is learned.
     Own tracks: at each look of the sensor, bearings are assigned one to one to the tracks whose prediction is within
     `gate_sigmas`; what is left begins new tracks. A track is yielded once `start_hits` of its first `start_looks` looks had a
     bearing, and ends after `end_misses` looks without. Every track ends when it is silent for longer than `drop_after_s`.
     Where a gate holds `crowd` vessels of the picture on average, these predict the bearings, one track for each, and only what is
-    left goes to own tracks.
-    A look is the bearings of one time, or of a turn of a sensor that gives each bearing its own time. Of very many bearings in a
-    cycle an even choice is used, of own tracks by whole looks, and the others are counted. A cycle with a longer time takes more,
-    within bounds.
+    left goes to own tracks. A look is the bearings of one time, or of a turn of a sensor that gives each its own time. Of very many
+    bearings in a cycle an even choice is used, of own tracks by whole looks, and the others are counted. A cycle with a longer time
+    takes more, within bounds.
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
     Approach, eq. 10 (bearing and angular velocity from successive bearings over a given time).
     """

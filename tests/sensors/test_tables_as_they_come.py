@@ -93,3 +93,36 @@ def test_one_wrong_cell_among_others_loses_its_row_alone(tmp_path: Path) -> None
     reports, _, faults = AisTable(files=(table(tmp_path, *rows),)).read()
     assert len(reports) == 6
     assert {fault.kind: fault.count for fault in faults} == {"unparsable cell": 2}
+
+
+@pytest.mark.parametrize(
+    ("above", "separator"),
+    [
+        (
+            [
+                "# positions of the VTS, 12 January 2016",
+                "# time, position, speed and course, all in UTC, of class A and B, no statics",
+            ],
+            ",",
+        ),
+        (["Export", "", "made on 12 January 2016"], ";"),
+        (["sep=;"], ";"),
+        (["\ufeffsep=;"], ";"),
+        ([], ";"),
+    ],
+)
+def test_titles_and_comments_above_the_header_are_passed_over(tmp_path: Path, above: list[str], separator: str) -> None:
+    rows = [f"{1452603731 + 10 * k},235070762,50.7{k},-1.1,5,90" for k in range(3)]
+    lines = [*above, *(line.replace(",", separator) for line in (HEADER, *rows))]
+    if separator == ";":
+        lines = [*lines[: len(above) + 1], *(line.replace(".", ",") for line in lines[len(above) + 1 :])]  # decimal commas
+    file = tmp_path / "table.csv"
+    file.write_text("\n".join(lines) + "\n", "utf-8")
+    reports, _, faults = AisTable(files=(file,)).read()
+    assert reports.position_deg.tolist() == [[50.7, -1.1], [50.71, -1.1], [50.72, -1.1]]
+    assert faults == ()
+
+
+def test_the_header_of_the_danish_authority_begins_with_a_comment_mark(tmp_path: Path) -> None:
+    file = table(tmp_path, "12/01/2016 13:02:11,235070762,50.7,-1.1,5,90", header="# Timestamp,MMSI,Latitude,Longitude,SOG,COG")
+    assert len(AisTable(files=(file,)).read()[0]) == 1

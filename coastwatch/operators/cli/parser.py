@@ -324,9 +324,8 @@ def traffic(parser: Parser) -> None:
 
 @_command("encounters", "read:encounters", "show close encounters in a time span")
 def encounters(parser: Parser) -> None:
-    """Pairs of vessels that came close to each other in a box between two instants: when and where, the closest first.
-
-    `first_silent_s` and `second_silent_s` say for how long each had not been heard: so long its position is predicted.
+    """Pairs of vessels that came close to each other in a box between two instants, the closest first: when and where, and for how
+    long each had not been heard, so that its position is predicted (`first_silent_s`, `second_silent_s`).
     """
     add_span(parser)
     parser.add_argument("--within", metavar="M", type=float, default=500.0, help="largest distance, m (default: 500)")

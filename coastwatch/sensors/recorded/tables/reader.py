@@ -306,7 +306,8 @@ def _read_csv(path: Path, separator: str, tally: Tally) -> Table:
 def _header(lines: pl.Series, separator: str) -> tuple[int, str]:
     """Which line is the header, and its separator: what it has most often outside quotations, a comma where it has none.
 
-    Titles and comments above it are passed over: a line of few cells, or one that begins with # and has not as many as most lines.
+    Titles and comments above it are passed over: a line of few cells, or one that begins with # and has not as many as most
+    lines, or no values below it.
     Args: lines: the first; separator: one character, or "auto".
     """
     bare = lines.str.replace_all('"[^"]*"', "")
@@ -314,7 +315,9 @@ def _header(lines: pl.Series, separator: str) -> tuple[int, str]:
         best = max(SEPARATORS, key=line.count) if separator == "auto" else separator
         cells = bare.str.count_matches(best, literal=True) + 1
         usual = cells[row + 1 :].mode()
-        if cells[row] >= FEWEST_CELLS and (not line.startswith("#") or cells[row] in usual):
+        below = bare[row + 1].split(best) if row + 1 < len(bare) else []
+        is_header = cells[row] in usual and any(VALUE.fullmatch(cell.strip()) for cell in below)
+        if cells[row] >= FEWEST_CELLS and (not line.startswith("#") or is_header):
             return row, best
     return 0, max(SEPARATORS, key=bare[0].count) if separator == "auto" else separator
 
