@@ -9,7 +9,7 @@ import pytest
 from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, world
 
 from coastwatch.batches import Plots
-from coastwatch.geodesy import to_plane
+from coastwatch.geodesy import KNOT_M_S, to_plane
 from coastwatch.tracks import RegionInput, TableTracker
 
 pytestmark = pytest.mark.contract
@@ -49,6 +49,19 @@ def test_clutter_and_misses():
     assert false < 0.06 * true  # clutter alone makes three short tracks at a time in 460 km2
     assert changed <= 2  # swaps between vessels, in 90 s
     assert true > 0.97 * 30 * 105  # 105 vessels are in cover
+
+
+@pytest.mark.parametrize(("speed_kn", "kept"), [(59.0, True), (95.0, False)])
+def test_a_track_is_deleted_for_its_speed_only_where_its_noise_cannot_explain_it(speed_kn: float, kept: bool):
+    """A boat of 60 knots was a chain of short tracks: each ended when its noisy speed passed the limit of 60."""
+    truth, sensors = world(8, 31), two_radars()
+    start_m = np.column_stack([np.full(8, -4000.0), 1100.0 * (np.arange(8) - 3.5)])
+    velocity_m_s = np.tile([speed_kn * KNOT_M_S, 0.0], (8, 1))
+    abreast = replace(truth, start_m=start_m, velocity_m_s=velocity_m_s, kick_m_s=0.0 * truth.kick_m_s)
+    _, out = run(TableTracker(method="vimmjipda"), plots_of(abreast, sensors, 150.0, 31), 50)
+    ids = {int(track) for tracks in out for track in tracks.track_id}
+    shown = sum(len(tracks) for tracks in out[15:]) / 35
+    assert (shown > 6.0 and len(ids) <= 10) if kept else shown < 2.0
 
 
 def test_two_tracks_of_one_vessel_become_one():

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Floats, Ints, Radars
+from coastwatch.batches import Bools, Floats, Ints, Radars
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import DetectionColumns, RadarColumns
@@ -19,6 +19,7 @@ from coastwatch.tracks.radar.life.hits import PlotSettings, seen_together
 from coastwatch.tracks.radar.rates import LearntRates, RateSettings
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
+SPEED_SIGMAS = 3.0  # by which the speed of a confirmed track may err
 KNOWN = 0.5  # probability of an id by which two tracks are told apart
 
 
@@ -56,7 +57,7 @@ class ExistenceManagement(PlotSettings):
     delete_existence: Probability = 0.01  # a track that exists with less probability is deleted
     delete_misses: Count = 5  # looks in a row without a plot in the gate; as many more as a radar misses more than stated
     coast_s: Positive = 30.0  # longest time without a plot in the gate, also outside the range of every radar
-    max_speed_kn: Positive = 60.0  # a faster track is deleted
+    max_speed_kn: Positive = 60.0  # a track that is surely faster is deleted
     merge_probability: Probability = 0.5  # that two tracks of one vessel pass the test for duplicates
     merge_correlation: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.4  # of the errors of two such tracks
 
@@ -110,12 +111,19 @@ class ExistenceManagement(PlotSettings):
         count_missed(table.existing, table.estimates, table.live, radars, ours, detection, self.look_slack, self.chain)
         live, now = table.live, self.existence(table, table.live, time_s)
         table.status[live[now >= self.confirm_existence]] = Status.CONFIRMED
-        speed2 = (table.combined_mean[live, 2:] ** 2).sum(axis=1)
         least = self.least_existence(detection.probability[ours], false_per_m2[ours])[1].min(initial=self.delete_existence)
         unseen = (table.misses[live] > self.delete_misses - 0.5) | (time_s - table.updated_s[live] > self.coast_s)
         lost = (now < least) | (unseen if until_s is None else unseen & (until_s[live] < time_s))
-        lost |= (speed2 > (self.max_speed_kn * KNOT_M_S) ** 2) & (table.status[live] != Status.SINGLE)
+        lost |= self._is_too_fast(table, live) & (table.status[live] != Status.SINGLE)
         return replace(memory, table=table.without(lost))
+
+    def _is_too_fast(self, table: Table, slots: Ints) -> Bools:
+        """Which of these tracks are faster than a ship; a confirmed one by more than its speed may err. (N,)"""
+        velocity, covariance = table.combined_mean[slots, 2:], table.combined_covariance[slots, 2:, 2:]
+        speed = np.hypot(*velocity.T)
+        variance = np.einsum("ni,nij,nj->n", velocity, covariance, velocity) / np.maximum(speed, 1.0) ** 2
+        margin = np.where(table.status[slots] == Status.CONFIRMED, SPEED_SIGMAS * np.sqrt(variance), 0.0)
+        return np.asarray(speed > self.max_speed_kn * KNOT_M_S + margin)
 
     def shown(self, table: Table, time_s: float) -> Ints:
         """Slots of the tracks to report: the confirmed ones that probably still exist."""
