@@ -29,6 +29,7 @@ gpxpy = lazy_loader.load("gpxpy")  # only GPX needs it
 termcolor = lazy_loader.load("termcolor")  # only a table needs it
 
 LATITUDE, LONGITUDE = "latitude_deg", "longitude_deg"
+LONGEST = 1e12  # numbers of a table from there on have an exponent
 ALARMING = {"flags", "status", "verdict"}
 """Columns of a table that are red on a terminal, where they say other than GOOD."""
 
@@ -118,6 +119,8 @@ def cell(name: str, value: object) -> str:
     if not isinstance(value, float):
         return printable(str(value))
     digits = digits_of(name)
+    if abs(value) >= LONGEST:
+        return f"{value:.4g}"
     return f"{rounded(value, digits):.{digits}f}" if kind_of(name) == "number" else f"{value:.10g}"
 
 

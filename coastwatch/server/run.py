@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from coastwatch import store
-from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors
+from coastwatch.batches import Fault, FileContent, RadarCorrections, Recording, Reports, Sensors
 from coastwatch.centre import Cycle
 from coastwatch.cycle import dropped, gathered, run_cycle, start_run
 from coastwatch.formats.intake.accounts import losses
@@ -118,6 +118,7 @@ class RunResult:
     stop_s: float  # time of the last cycle
     most_vessels: int  # in one picture
     most_vessels_s: float  # when
+    corrections: RadarCorrections  # of the radars, as known at the end
     faults_of_input: tuple[Fault, ...] = ()  # those of `faults` that the readers of files counted
 
 
@@ -211,6 +212,7 @@ def run_scenario(
         stop_s=plan.instant_s(point.cycle - 1),
         most_vessels=run.most[0],
         most_vessels_s=run.most[1],
+        corrections=memory.corrections,
         faults_of_input=of_input,
     )
 

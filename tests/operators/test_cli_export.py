@@ -35,6 +35,7 @@ def test_a_table_aligns_and_shows_what_is_absent() -> None:
     assert lines[2].startswith("        1    -22.900000     -43.100000")
     assert lines[3].split() == ["23", "10.500000", "179.900000", "-", "-"]
     assert "no rows" in export.as_table(Rows(("a",), []))
+    assert export.as_table(Rows(("odds",), [(1.4592605e242,)])).split()[-1] == "1.459e+242"
 
 
 def test_csv_reads_back() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from coastwatch.batches import Fault, FileContent
+from coastwatch.batches import Fault, FileContent, RadarCorrections
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.accounts import UNUSED
 from coastwatch.formats.intake.ais_validation import AisIntake
@@ -365,6 +365,36 @@ def test_long_recordings_with_reports_are_not_refused() -> None:
 
 
 @pytest.mark.parametrize(
+    ("lags_s", "sigma_s", "wanted"),
+    [
+        (
+            [-5.2, -5.1],
+            0.2,
+            "the 2 radars seem to be off by the same -5.2 s against AIS: more likely the times of AIS are 5.2 s late",
+        ),
+        ([4.0, 4.5, 4.2], 0.2, "more likely the times of AIS are 4.2 s ahead"),
+        ([-5.2, 0.1], 0.2, None),
+        ([-5.2, -5.1], 3.0, None),
+        ([-0.4, -0.5], 0.2, None),
+        ([-5.2], 0.2, None),
+    ],
+)
+def test_radars_that_are_all_off_by_the_same_time_are_warned_of(
+    lags_s: list[float], sigma_s: float, wanted: str | None
+) -> None:
+    """Radars that were right were pulled along by a table of AIS that was late, and nothing was said."""
+    none = RadarCorrections.none(len(lags_s))
+    known = replace(none, estimated_lag_s=np.array(lags_s), lag_sigma_s=np.full(len(lags_s), sigma_s))
+    scenario, result = (
+        SimpleNamespace(radars=(), stations=()),
+        SimpleNamespace(contents=(), faults=(), vessels=1, corrections=known),
+    )
+    found = inputs.warnings(scenario, result)
+    assert len(found) == (wanted is not None)
+    assert wanted is None or wanted in found[0]
+
+
+@pytest.mark.parametrize(
     ("name", "taken", "wanted"),
     [
         (
@@ -397,7 +427,9 @@ def test_files_of_odd_times_or_places_are_warned_of(name: str, taken: dict[str, 
     fault = Fault("unknown radar", 60, "none.csv:2, column radar", "north, known: ['hill']")
     odd = replace(good, name=name, **taken)
     scenario = SimpleNamespace(radars=(), stations=(SimpleNamespace(latitude_deg=50.8, longitude_deg=-1.1, range_nm=30.0),))
-    found = inputs.warnings(scenario, SimpleNamespace(contents=(good, odd), faults=(fault,), vessels=1))
+    found = inputs.warnings(
+        scenario, SimpleNamespace(contents=(good, odd), faults=(fault,), vessels=1, corrections=RadarCorrections.none(2))
+    )
     found = [line for line in found if "overlap" not in line]
     assert len(found) == (wanted is not None)
     assert wanted is None or re.match(wanted, found[0])

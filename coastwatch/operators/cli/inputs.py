@@ -6,7 +6,9 @@ import math
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 
-from coastwatch.batches import Fault, FileContent
+import numpy as np
+
+from coastwatch.batches import Fault, FileContent, RadarCorrections
 from coastwatch.formats.intake.accounts import LOSSES, accounts
 from coastwatch.formats.intake.faults import refused
 from coastwatch.operators.typed import Box
@@ -18,6 +20,9 @@ FIRST_RECORDING_S = 315_532_800.0  # 1980
 NEAR_DEG = 3.0
 CUT_S = 3_600.0
 """Files of one kind that follow each other so soon are one recording, cut in parts."""
+
+SURE_S, ALIKE_S, LATE_S = 1.0, 2.0, 3.0
+"""Time lags of radars that are known so well, that differ by so little, and that are so large, are the lag of AIS."""
 
 UNKNOWN_SENSORS = ("unknown radar", "unknown sonar", "unknown track source")
 
@@ -68,7 +73,19 @@ def warnings(scenario: Scenario, result: RunResult) -> list[str]:
         if fault.kind in LOSSES
     ]
     of_files = warnings_of_files(scenario, result.contents, result.faults)
-    return [*lost, *of_files, *_nothing_taken(result), *_empty_picture(result)]
+    return [*lost, *of_files, *_nothing_taken(result), *_empty_picture(result), *_alike_lags(result.corrections)]
+
+
+def _alike_lags(corrections: RadarCorrections) -> Iterator[str]:
+    """That all radars are late by the same time, against AIS: then it is AIS that is not of the time that it says."""
+    lag_s = corrections.estimated_lag_s[corrections.lag_sigma_s <= SURE_S]
+    if len(lag_s) > 1 and np.ptp(lag_s) <= ALIKE_S and abs(float(np.median(lag_s))) >= LATE_S:
+        late_s = float(np.median(lag_s))
+        sign = "late" if late_s < 0.0 else "ahead"
+        yield (
+            f"the {len(lag_s)} radars seem to be off by the same {late_s:.1f} s against AIS: more likely the times of AIS are "
+            f"{abs(late_s):.1f} s {sign}"
+        )
 
 
 def warnings_of_files(scenario: Scenario, contents: Sequence[FileContent], faults: Sequence[Fault]) -> list[str]:
