@@ -43,6 +43,7 @@ from coastwatch.batches import (
     DecidedPath,
     EventChanges,
     Extractions,
+    Floats,
     FusedTracks,
     Measurements,
     Members,
@@ -82,6 +83,7 @@ class CentreMemory:
     bearing_members: BearingMembers  # for the fused tracks of the next cycle
     alarms: AlarmMemory
     events: EventMemory
+    bearing_bias_rad: Floats  # (K,) of each bearing sensor, as known before this cycle; of none before the first
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,7 @@ def start_centre(scenario: Scenario) -> CentreMemory:
         BearingMembers.empty(),
         s.alarms.init(),
         EventMemory.none(),
+        np.zeros(0),
     )
 
 
@@ -196,7 +199,7 @@ def run_centre(
         watched = AlarmInput(picture, members, time_s, sensors, numbered_zones, cover, hearing)
         alarms_memory, vessel_alarms = s.alarms.step(m.alarms, watched)
     with timer("octants"):
-        octants_memory, octants = s.octants.step(m.octants, OctantInput(bearing_tracks, picture, sensors))
+        octants_memory, octants = s.octants.step(m.octants, OctantInput(bearing_tracks, picture, sensors, m.bearing_bias_rad))
     with timer("bearing_associations"):
         compared = BearingAssociationInput(bearing_tracks, picture, octants, time_s, sensors, statics, map_)
         bearings_memory, bearing_associations = Running(s.bearing_associations, m.bearing_associations).next(compared)
@@ -225,6 +228,7 @@ def run_centre(
         bearing_members=next_bearings,
         alarms=alarms_memory,
         events=events_memory,
+        bearing_bias_rad=bearing_associations.sensor_bias_rad,
     )
     left_out = {
         "associations": associations.left_out,

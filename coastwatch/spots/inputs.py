@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from coastwatch.batches import BearingTracks, Picture, Sensors
+from coastwatch.batches import BearingTracks, Floats, Picture, Sensors
 
 
 class OctantInput(NamedTuple):
@@ -13,3 +13,4 @@ class OctantInput(NamedTuple):
     bearing_tracks: BearingTracks  # (N)
     picture: Picture  # (V)
     sensors: Sensors
+    bias_rad: Floats | None = None  # (K,) of the bearings of each sensor, as far as it is known; none, or no row: not

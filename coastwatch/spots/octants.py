@@ -9,6 +9,7 @@ from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import BearingTracks, Floats, Ints, Octants, Picture, Sensors
+from coastwatch.geodesy import wrap_rad
 from coastwatch.spots.inputs import OctantInput
 from coastwatch.stage import Method, NoMemory, NotNegative
 
@@ -44,7 +45,10 @@ class OctantSpots(Method):
         candidates = kernels.bearings.candidates
         sensor = bearing_tracks.source - sensors.sonar_source(0)
         vessels = self._vessels_by_octant(sensor, bearing_tracks, given.picture, sensors)
-        bearing_deg = np.degrees(bearing_tracks.bearing_rad)
+        bearing_rad = bearing_tracks.bearing_rad
+        if given.bias_rad is not None and len(given.bias_rad):
+            bearing_rad = wrap_rad(bearing_rad - given.bias_rad[sensor])
+        bearing_deg = np.degrees(bearing_rad)
         sector = candidates.sector_of(bearing_deg)
         octant, from_middle_deg = sensor * candidates.SECTORS + sector, candidates.from_middle_deg(bearing_deg, sector)
         track, vessel = candidates.pairs_of_tracks(octant, from_middle_deg, vessels, MOST_VESSELS)

@@ -134,3 +134,17 @@ def test_empties() -> None:
         assert len(octants.octant) == 0
     unknown = vessels_at(some, np.nan)
     assert len(OctantSpots().step(NoMemory(), OctantInput(tracks_at(sensors, [0], [10.0]), unknown, sensors))[1].octant) == 1
+
+
+def test_with_a_known_bias_the_pairs_are_those_of_a_sensor_without_one() -> None:
+    sensors = bw.centre()
+    picture = bw.make_world(60, 10, 3).picture(5)
+    true_deg = np.linspace(0.3, 359.3, 90)
+    right = tracks_at(sensors, np.zeros(90), true_deg)
+    turned = tracks_at(sensors, np.zeros(90), true_deg + 12.0)
+    _, wanted = OctantSpots().step(NoMemory(), OctantInput(right, picture, sensors))
+    _, found = OctantSpots().step(NoMemory(), OctantInput(turned, picture, sensors, np.radians([12.0])))
+    np.testing.assert_array_equal(found.bearing_row, wanted.bearing_row)
+    np.testing.assert_array_equal(found.vessel_row, wanted.vessel_row)
+    _, unaware = OctantSpots().step(NoMemory(), OctantInput(turned, picture, sensors))
+    assert unaware.vessel_row.tolist() != wanted.vessel_row.tolist()

@@ -43,7 +43,7 @@ class Run:
         self.method, self.sensors, self.hears, self.hear, self.seed = method, sensors, sensors, hear, seed
         self.world = bw.make_world(vessels, seconds, seed)
         self.tracker, self.tracks_memory, self.memory = BearingWindow(), BearingWindow().init(), method.init()
-        self.seconds, self.statics = seconds, AisStatics.empty()
+        self.seconds, self.statics, self.found = seconds, AisStatics.empty(), None
 
     def inputs(self, t: int) -> tuple[BearingTracks, Picture]:
         reports = bw.hear(self.world, self.hears, t, self.seed, **self.hear)
@@ -51,7 +51,8 @@ class Run:
         return tracks, self.world.picture(t)
 
     def associate(self, memory: Any, tracks: BearingTracks, picture: Picture, t: int, spread: Any = serial) -> Any:
-        _, octants = OctantSpots().step(NoMemory(), OctantInput(tracks, picture, self.sensors))
+        known = None if self.found is None else self.found.sensor_bias_rad
+        _, octants = OctantSpots().step(NoMemory(), OctantInput(tracks, picture, self.sensors, known))
         given = BearingAssociationInput(tracks, picture, octants, bw.START_S + t, self.sensors, self.statics, spread)
         return self.method.step(memory, given)
 
@@ -60,9 +61,9 @@ class Run:
         for t in range(3, self.seconds + 1, 3):
             tracks, picture = self.inputs(t)
             self.memory, found = self.associate(self.memory, tracks, picture, t)
+            self.found = found
             if t >= after:
                 total += bw.count(found.bearing_row, found.vessel_row, tracks.origin, picture.origin)
-        self.found = found
         return total
 
 
