@@ -355,6 +355,25 @@ def test_a_line_of_json_that_is_refused_names_its_field(tmp_path: Path, line: st
     assert (fault.kind, fault.where, fault.example) == (kind, "x.jsonl:1", example)
 
 
+def test_lines_of_json_keep_the_place_of_a_sensor_that_moves_and_the_errors_of_each_report(tmp_path: Path) -> None:
+    """They were lost on the way, in silence: a camera on a ship could not be fed."""
+    sent = reports()
+    moved = sent.radar.site_deg + np.linspace(0.0, 0.1, SECONDS)[:, None]
+    sigma = np.where(np.arange(SECONDS) % 2, np.linspace(1.0, 5.0, SECONDS), np.nan)
+    sent = replace(
+        sent,
+        radar=replace(sent.radar, site_deg=moved, range_sigma_m=sigma, azimuth_sigma_deg=sigma),
+        bearing=replace(sent.bearing, site_deg=moved[::-1], bearing_sigma_deg=sigma, contact=sent.bearing.contact + 2**39),
+    )
+    path = tmp_path / "x.jsonl"
+    path.write_bytes(b"\n".join(JSON.encode(sent, {"plot": np.array(["north", "ship"]), "bearing": np.array(["mouth"])})))
+    read = stream(f"json+file:{path}").between(-math.inf, math.inf)
+    for kind, names in (("radar", ("range_sigma_m", "azimuth_sigma_deg")), ("bearing", ("bearing_sigma_deg", "contact"))):
+        got, wanted = getattr(read, kind), getattr(sent, kind)
+        for name in ("site_deg", "time_s", *names):
+            np.testing.assert_allclose(getattr(got, name), getattr(wanted, name), rtol=1e-12)
+
+
 def test_fuse_reads_captures_and_lines_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plots = as_capture(tmp_path / "plots.pcap", messages("asterix"))
     ais = as_file("ais", tmp_path / "ais.nmea", messages("ais"))
