@@ -281,7 +281,8 @@ class LiveRun:
             text = f"run {before} had {left} alarms that nobody acknowledged: {where}"
             LOG.warning(text)
             self._left.append(Trouble("alarms", str(before), clock.now_s(), text, False))
-        self.alarms.begin(run_id, alarms, events.time_s - REPEATED_S if before == -1 else math.inf)
+        is_first = before == -1 and point.cycle > 0
+        self.alarms.begin(run_id, alarms, events.time_s - REPEATED_S if is_first else math.inf)
 
     def behind(self, until_s: float) -> int:
         """As of `run.Live`."""

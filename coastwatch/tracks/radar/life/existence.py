@@ -122,7 +122,7 @@ class ExistenceManagement(PlotSettings):
         velocity, covariance = table.combined_mean[slots, 2:], table.combined_covariance[slots, 2:, 2:]
         speed = np.hypot(*velocity.T)
         variance = np.einsum("ni,nij,nj->n", velocity, covariance, velocity) / np.maximum(speed, 1.0) ** 2
-        margin = np.where(table.status[slots] == Status.CONFIRMED, SPEED_SIGMAS * np.sqrt(variance), 0.0)
+        margin = np.where(table.status[slots] == Status.CONFIRMED, SPEED_SIGMAS * np.sqrt(np.maximum(variance, 0.0)), 0.0)
         return np.asarray(speed > self.max_speed_kn * KNOT_M_S + margin)
 
     def shown(self, table: Table, time_s: float) -> Ints:
