@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from coastwatch.batches import Fault, FileContent
+from coastwatch.batches import Fault, FileContent, RadarCorrections
 from coastwatch.formats.intake.accounts import UNACCOUNTED
 from coastwatch.operators.cli import main, progress, summary
 from coastwatch.scenario import load_scenario
@@ -92,7 +92,7 @@ def outcome(**changed: Any) -> Any:
         "elapsed_s": 1.25,
         "interrupted": False,
     }
-    return types.SimpleNamespace(**{**made, **changed})
+    return types.SimpleNamespace(**{"corrections": RadarCorrections.none(1), **made, **changed})
 
 
 def a_scenario() -> Any:
