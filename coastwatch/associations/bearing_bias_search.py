@@ -25,6 +25,9 @@ DIRECTION_SIGMA_RAD = np.radians(0.3)  # of the direction of a vessel
 GAIN, RUNNER_UP = 20.0, 8.0
 """Logarithms of likelihood ratios: of a bias against the one that is used, and against any other one that is APART."""
 
+OUTLIER_SIGMAS = 4.5
+"""By which a bias stands out of those that are APART: among many vessels some turn always fits better than the others."""
+
 APART_RAD, FAR_RAD, FAR_SIGMAS = np.radians(2.0), np.radians(1.0), 2.0
 FEWEST, MATCHED = 5, 0.5  # tracks of a sensor that are on vessels, and their share
 
@@ -80,7 +83,9 @@ class BiasSearch:
             found_rad = (best - FARTHEST) * CELL_RAD
             apart = np.abs(np.arange(2 * FARTHEST + 1) - best) * CELL_RAD > APART_RAD
             matched = np.count_nonzero(known[:, best] > anywhere)
-            is_better = scores[k, best] - scores[k, used] > GAIN and scores[k, best] - scores[k, apart].max() > RUNNER_UP
+            others = scores[k, apart]
+            stands_out = scores[k, best] - others.mean() > OUTLIER_SIGMAS * others.std()
+            is_better = scores[k, best] - scores[k, used] > GAIN and scores[k, best] - others.max() > RUNNER_UP and stands_out
             is_far = abs(float(wrap_rad(np.array(found_rad - mean[k])))) > max(FAR_RAD, FAR_SIGMAS * sigma[k])
             if is_better and is_far and matched >= max(FEWEST, MATCHED * len(own)):
                 mean[k], sigma[k] = found_rad, sigma_rad

@@ -124,6 +124,20 @@ def test_a_bias_of_many_standard_deviations_is_found(bias_deg: float) -> None:
     assert 0.0 < np.degrees(run.found.sensor_bias_sigma_rad[0]) < 0.3
 
 
+@pytest.mark.parametrize("ahead_s", [2.0, 4.4])
+def test_a_sensor_whose_clock_is_ahead_is_associated(ahead_s: float) -> None:
+    """The newest bearing lay after the newest position of each vessel, and the whole window was passed over."""
+    run = Run(BearingLikelihood(), bw.centre(), 60, 90)
+    right, total = run.inputs, np.zeros(4)
+    for t in range(3, 91, 3):
+        tracks, picture = right(t)
+        late = replace(tracks, window_time_s=tracks.window_time_s + ahead_s)
+        run.memory, found = run.associate(run.memory, late, picture, t)
+        if t > 45:
+            total += bw.count(found.bearing_row, found.vessel_row, tracks.origin, picture.origin)
+    assert bw.f1(total) > 0.95
+
+
 def test_no_bias_is_found_where_the_vessels_of_the_bearings_are_not_in_the_picture() -> None:
     run = Run(BearingLikelihood(), bw.centre(), 100, 90)
     rng, elsewhere = np.random.default_rng([SEED, 10]), BearingLikelihood()
@@ -135,6 +149,17 @@ def test_no_bias_is_found_where_the_vessels_of_the_bearings_are_not_in_the_pictu
         memory, found = run.associate(memory, turned, picture, t)
         wrong.append(abs(float(found.sensor_bias_rad[0])))
     assert np.degrees(max(wrong)) < 1.0
+
+
+@pytest.mark.parametrize("seed", range(500, 503))
+def test_no_turn_is_taken_for_a_bias_where_all_bearings_are_of_other_vessels(seed: int) -> None:
+    """Among 100 vessels some turn always fits better than the others. Pairs by chance alone move the bias by up to 3.4 deg."""
+    run, other = (Run(BearingLikelihood(), bw.centre(), 100, 450, seed + more) for more in (0, 400))
+    wrong_rad = 0.0
+    for t in range(3, 451, 3):
+        run.memory, found = run.associate(run.memory, run.inputs(t)[0], other.world.picture(t), t)
+        wrong_rad = max(wrong_rad, abs(float(found.sensor_bias_rad[0])))
+    assert np.degrees(wrong_rad) < 4.0
 
 
 def test_a_sensor_that_hears_farther_than_it_says_is_found_out() -> None:
