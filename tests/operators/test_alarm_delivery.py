@@ -6,6 +6,7 @@ import asyncio
 import json
 import math
 import threading
+from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -272,6 +273,27 @@ def test_a_server_that_goes_on_repeats_the_changes_of_the_last_minutes() -> None
     ]  # fmt: skip
     lost = [event for event, delivery, _ in told if delivery.startswith("400")]
     assert lost == ["opened", "closed"]
+
+
+def test_a_reader_that_fell_behind_is_not_told_again_what_was_before_the_start() -> None:
+    async def main() -> list[list[str]]:
+        service: Any = FromBook()
+        service.book._changes = deque(maxlen=30)
+        before = AlarmBook()
+        before.begin(1)
+        before.apply(begun("dark", [1, 2], 10.0))
+        service.book.begin(1, before.alarms(), 0.0)
+        told, changes = [], AlarmStream(service).changes()
+        told.append([change.alarm.alarm_id for change in await asyncio.wait_for(anext(changes), 20.0)])
+        for k in range(3):  # more changes than are kept
+            service.book.apply(begun("lost", range(100 + 20 * k, 120 + 20 * k), 20.0 + k))
+        told.append([change.alarm.kind for change in await asyncio.wait_for(anext(changes), 20.0)])
+        await changes.aclose()
+        return told
+
+    first, then = asyncio.run(main())
+    assert len(first) == 2
+    assert set(then) == {"lost"}
 
 
 def test_among_2000_alarms_and_200000_acknowledged_ones_a_man_overboard_comes_first_to_streams_and_hooks(

@@ -191,8 +191,8 @@ class AlarmStream:
             while True:
                 changes = book.since(run, at)
                 if changes is None:
-                    run, at = book.run_id, book.first - 1
-                    if book.repeated:
+                    is_new, run, at = book.run_id != run, book.run_id, book.first - 1
+                    if is_new and book.repeated:  # not to one that fell behind: it was told
                         yield list(book.repeated)
                     continue
                 if changes:
