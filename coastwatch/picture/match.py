@@ -92,7 +92,7 @@ def match_identities(
 
     is_free[vessel_of_group[(vessel_of_group >= 0) & (vessel_of_group < len(is_free))]] = False
     goes_on = remembered[: len(is_free)] == kernels.identity.match.AS_PREVIOUS
-    _restore_after_turns(known, is_free, goes_on, vessel_of_group, time_s)
+    _restore_after_turns(known, columns, is_free, goes_on, vessel_of_group, time_s)
 
     group_of_vessel = np.full(len(columns.vessel_id), -1, np.int64)
     matched = np.flatnonzero(vessel_of_group >= 0)
@@ -147,7 +147,9 @@ def _match_returns(
     return np.append(new_by_mmsi, new_by_position), free[np.append(old_by_mmsi, old_by_position)]
 
 
-def _restore_after_turns(known: KnownVessels, is_free: Bools, goes_on: Bools, vessel_of_group: Ints, time_s: float) -> None:
+def _restore_after_turns(
+    known: KnownVessels, columns: KnownColumns, is_free: Bools, goes_on: Bools, vessel_of_group: Ints, time_s: float
+) -> None:
     """Give the groups of later vessels the ids of vessels that lost their track in a sharp turn, in place.
 
     A filter that goes on straight loses its vessel, and a second track begins beside it. The later vessel has no MMSI, began about when
@@ -158,7 +160,7 @@ def _restore_after_turns(known: KnownVessels, is_free: Bools, goes_on: Bools, ve
     from scipy.spatial import cKDTree
 
     old = np.flatnonzero(is_free)
-    old = old[time_s - known.take(old).updated_s <= TURN_S]
+    old = old[time_s - columns.updated_s[old] <= TURN_S]
     if len(old) == 0:
         return
     later = vessel_of_group[(vessel_of_group >= 0) & (vessel_of_group < len(known.shown))]
@@ -166,7 +168,7 @@ def _restore_after_turns(known: KnownVessels, is_free: Bools, goes_on: Bools, ve
     later = later[(shown.mmsi[later] < 0) & (time_s - shown.since_s[later] <= TURN_S)]
     if len(later) == 0:
         return
-    old = old[np.argsort(known.take(old).vessel_id)]
+    old = old[np.argsort(columns.vessel_id[old])]
     one, two = known.take(old), shown.take(later)
     seen_deg = offset_deg(one.position_deg, -one.velocity_m_s * (one.time_s - one.updated_s)[:, None])
     begun_deg = offset_deg(two.position_deg, -two.velocity_m_s * (two.time_s - two.since_s)[:, None])

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from coastwatch import kernels
-from coastwatch.batches import ID_STRIDE, BearingReports, Floats, Sensors
+from coastwatch.batches import ID_STRIDE, BearingReports, Floats, Reports, Sensors
+from coastwatch.batches.limits import CONTACTS, reports_within
 from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import BearingInput
@@ -214,6 +215,13 @@ def test_noise_beyond_the_stated_one_is_learned(true_deg: float) -> None:
     stated = two_sensors().sonars.bearing_sigma_rad[0]
     used = np.sqrt(tracks.window_variance[:, -1]) / stated
     assert used == pytest.approx(np.full(6, np.sqrt(memory.noise[0]) if true_deg > 1.0 else 1.0), rel=0.02)
+
+
+def test_a_contact_number_that_is_too_large_is_left_out_and_counted_and_ends_no_run() -> None:
+    sent = replace(Reports.empty(), bearing=say(0, [3.0, 3.0], [10.0, 20.0], [7, CONTACTS]))
+    kept, found = reports_within(sent)
+    assert kept.bearing.contact.tolist() == [7]
+    assert found == {"bearing: contact number": 1}
 
 
 def test_a_slow_sensor_keeps_its_contacts_for_some_intervals() -> None:

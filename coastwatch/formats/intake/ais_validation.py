@@ -54,7 +54,7 @@ COG_RANGE = SET_ASIDE + "COG that no message can hold, taken as not available"
 HIGHEST_SOG_KN = 102.35  # 102.2 kn and more is 102.2, 102.3 is not available; a table may have rounded them
 FIRST_WRONG_COG_DEG = 360.05  # 360 is not available
 LATE_FEED = "received late, as the reports of most vessels: the second in the message is the time of the fix"
-FEWEST_AGES, MOST_AGES, SAME_DELAY = 5, 20_000, 0.7
+FEWEST_AGES, MOST_AGES, SAME_DELAY = 5, 2_000, 0.7
 """Vessels that show the delay of a feed, at least and at most, and the share of them that have it."""
 
 REMEMBERED_STAMPS = 10_000  # accepted stamps before a block, by which its own are judged
