@@ -246,6 +246,7 @@ class Noise(Struct):
     range_bias_m: Floats = column(np.float64, "R")
     azimuth_bias_rad: Floats = column(np.float64, "R")
     time_bias_s: Floats = column(np.float64, "R")
+    site_error_m: Floats = column(np.float64, "R", 2)  # how far the stated site is east and north of the true one
     ais_position_sigma_m: float = 0.0  # per axis
     ais_velocity_sigma_m_s: float = 0.0  # per axis
 

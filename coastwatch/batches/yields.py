@@ -349,6 +349,8 @@ class RadarCorrections(Batch):
     found_odds: Floats = optional_column("R")  # the same when the bias that is applied was found
     voices: Floats = optional_column("R")  # vessels under way, and squares with vessels at rest, that speak for the candidate
     rival_share: Floats = optional_column("R")  # of all evidence, that the best other bias has
+    site_error_m: Floats = optional_column("R", 2)  # how far the stated site is east and north of the true one; 0: not known
+    site_sigma_m: Floats = optional_column("R", 2)  # NaN where the site is not estimated
     noise_factor: Floats = optional_column("R", 2)  # times the stated noise that its ranges and azimuths have; 1: as stated
 
     @classmethod
@@ -356,8 +358,8 @@ class RadarCorrections(Batch):
         """No correction for any radar."""
         zero, unknown = np.zeros(radars), np.full(radars, np.nan)
         number, no = np.zeros(radars, np.int64), np.zeros(radars, np.bool_)
-        one = np.ones((radars, 2))
-        return cls(zero, zero, zero, unknown, unknown, unknown, unknown, number, zero, number, no, noise_factor=one)
+        more = {"site_error_m": np.zeros((radars, 2)), "noise_factor": np.ones((radars, 2))}
+        return cls(zero, zero, zero, unknown, unknown, unknown, unknown, number, zero, number, no, **more)
 
 
 COVER_AZIMUTHS, COVER_RANGES = 72, 16

@@ -42,8 +42,11 @@ ERRORS = (
     ("range_bias_m", "range_sigma_m"),
     ("time_lag_s", ""),
     ("estimated_lag_s", "lag_sigma_s"),
+    ("site_east_m", "site_sigma_m"),
+    ("site_north_m", ""),
 )
-"""Registration errors of a sensor and their standard deviations. A lag is subtracted only once it is accurate."""
+"""Registration errors of a sensor and their standard deviations. A lag is subtracted only once it is accurate.
+That of the site is known for radars alone whose stated place seems to be wrong."""
 
 
 STATISTICS = {

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Plots, RadarCorrections, RadarReports, Sensors
+from coastwatch.geodesy import from_plane
 from coastwatch.stage import Method
 
 
@@ -56,7 +57,10 @@ class PolarConversion(Method):
         row, sigma = _sigmas(kept, sensors, corrections)
         origin = sensors.region_origin_deg[radars.region if row is radar else radars.region[radar]]
         convert = kernels.geometry.radar_plane.to_region
-        position, covariance, site = convert(row, distance, azimuth, kept.site_deg, sigma, origin)
+        site_deg = kept.site_deg
+        if corrections.site_error_m.any():
+            site_deg = from_plane(-corrections.site_error_m[radar], site_deg)
+        position, covariance, site = convert(row, distance, azimuth, site_deg, sigma, origin)
         plots = Plots(
             sensor=radar,
             region=radars.region[radar],

@@ -1,4 +1,4 @@
-"""Online registration of radars: azimuth bias, range bias and time lag from the AIS vessels that they see."""
+"""Online registration of radars: azimuth bias, range bias, time lag and error of the site from the AIS vessels that they see."""
 
 from __future__ import annotations
 
@@ -14,7 +14,16 @@ from coastwatch.kernels.tables.lookup import find
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.registration.acquisition import PROBABLE_ODDS, Acquisition, Rules, decide_all
 from coastwatch.registration.bearings import WaitingPlots, bearing_equations, waiting_plots
-from coastwatch.registration.information import DRIFT_SIGMAS, Equations, Estimate, Information, add_equations, drift, solve
+from coastwatch.registration.information import (
+    DRIFT_SIGMAS,
+    SITE,
+    Equations,
+    Estimate,
+    Information,
+    add_equations,
+    drift,
+    solve,
+)
 from coastwatch.registration.inputs import RegistrationInput
 from coastwatch.registration.noise import PlotScatter, noise_factors, scattered
 from coastwatch.registration.polar import (
@@ -29,13 +38,23 @@ from coastwatch.registration.polar import (
 )
 from coastwatch.registration.reference_cells import AROUND, AT_REST_M_S, Grid, ReferenceCells, Seen, count_looks, squares
 from coastwatch.registration.references import References, draw_references, id_hash
-from coastwatch.registration.residuals import GATE_M, GATE_SIGMAS, EchoShares, forgotten, plot_equations
+from coastwatch.registration.residuals import (
+    GATE_M,
+    GATE_SIGMAS,
+    EchoShares,
+    forgotten,
+    plot_equations,
+    site_differences,
+)
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
 
 JUMP_SIGMAS = 2.0  # of a plot: a correction that changes by more leaves tracks in the wrong place
 CANDIDATE_SIGMAS = 0.5  # of the azimuth noise: by which the bias of the most evidence may be off
 TINY = 1e-30
-LAG = 2  # column of the state (azimuth, range, lag)
+LAG = 2  # column of the state (azimuth, range, lag, site east, site north)
+IS_LAG = np.arange(5) == LAG
+SITE_PRIOR_M = 100.0  # standard deviation of the error of a site east and north, before anything is known
+MOVES_M = 1.0  # from the stated site, between two plots or since the start: a radar on board
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +103,7 @@ class OnlineRegistration(Method):
     - Acquisition: differences between plots and AIS vessels are counted for each vessel and polar cell. Likelihood ratios against the
       plots around a vessel are multiplied to the odds of each bias (`evidence`). Odds of 1 / `false_alarm` without a rival are taken.
     - Tracking: residuals in polar coordinates, weighted with the probability that a plot is the vessel's echo. A lag shows as a
-      residual along the motion of the vessel.
+      residual along the motion of the vessel, a wrong site of the radar as one that is the same to all sides.
     - Noise: a radar whose plots scatter about AIS vessels more than it states is taken at the noise that it shows (`noise`).
     - A correction that jumps by more than two standard deviations of a plot ends the tracks that hold plots of that radar.
 
@@ -108,6 +127,7 @@ class OnlineRegistration(Method):
     apply_s: Positive = 10.0  # time constant with which corrections follow the estimate
     reference_sigma_m: Positive = 5.0  # per axis, of the offset between an AIS position and its echo
     range_prior_m: Positive = 50.0  # standard deviation of a range bias before anything is known
+    site_least_m: NotNegative = 10.0  # an error of the site under this is not taken; a large number: none is
     lag_prior_s: Positive = 1.5  # of a lag
     lag_known_s: Positive = 0.25  # a lag is applied when its standard deviation is under this
     settled_share: Positive = 0.25  # settled: the azimuth bias is known to this share of the radar's azimuth noise
@@ -116,7 +136,7 @@ class OnlineRegistration(Method):
     drift_deg_h: NotNegative = 0.5  # growth of the azimuth uncertainty while nothing is compared
 
     def init(self) -> OnlineMemory:
-        none = np.zeros((0, 3))
+        none = np.zeros((0, 5))
         return OnlineMemory.of_radars(0, Estimate(none, none, np.zeros(0, np.int64), np.zeros(0)))
 
     def step(self, memory: OnlineMemory, given: RegistrationInput) -> tuple[OnlineMemory, RadarCorrections]:
@@ -125,7 +145,8 @@ class OnlineRegistration(Method):
         if not len(sensors.radars):
             return memory, corrections
         if len(memory.acquisition) != len(sensors.radars):
-            estimate = self._solved(Information.empty(), Acquisition.none(len(sensors.radars)).centre, sensors)
+            none = Acquisition.none(len(sensors.radars))
+            estimate = self._solved(Information.empty(), none.centre, none.found, sensors)
             memory = replace(OnlineMemory.of_radars(len(sensors.radars), estimate), time_s=memory.time_s)
         dt = time_s - memory.time_s if np.isfinite(memory.time_s) else 0.0
         measured = polar_measurements(given.plots, corrections, time_s)
@@ -135,7 +156,7 @@ class OnlineRegistration(Method):
         )
         vessels = ComparedVessels(given.ais_tracks.take(rows.row), rows.radar)
         is_reference = self._reference_vessels(vessels, memory.acquisition.found)
-        search = self._search(vessels, is_reference, memory.estimate, corrections, sensors)
+        search = self._search(vessels, swept, is_reference, memory.estimate, corrections, sensors)
         pairs = pair_with_vessels(measured, swept, vessels, corrections, search, sensors)
         group, reference_cells = self._count_looks(
             memory.reference_cells, vessels, is_reference, pairs, measured, swept, dt, sensors
@@ -155,6 +176,7 @@ class OnlineRegistration(Method):
         shares, equations = plot_equations(
             given, measured, pairs, vessels.tracks, group, shares, memory.estimate, self.reference_sigma_m
         )
+        equations.design[_moves(swept, sensors)[equations.radar], SITE] = 0.0  # on board: no error of the site stays
         waiting = memory.waiting
         if self.use_bearings:
             unsure = memory.estimate.sigma[:, LAG] > self.lag_known_s  # AIS tells more, where there is enough of it
@@ -165,7 +187,8 @@ class OnlineRegistration(Method):
         mean, keep_newest = memory.estimate.mean / self._units(sensors), float(np.exp(-dt / self.drift_memory_s))
         information = add_equations(information, equations, mean, keep, keep_newest)
         quiet_s = np.where(has_equations | acquired, 0.0, memory.quiet_s + dt)
-        estimate = self._solved(information, acquisition.centre, sensors)
+        has_site = memory.estimate.mean[:, SITE].any(axis=1) & ~acquired
+        estimate = self._solved(information, acquisition.centre, has_site, sensors)
         scatter = memory.scatter
         if self.noise_memory_s > 0.0:
             scatter = scattered(scatter, given, references, alarmed, float(np.exp(-dt / self.noise_memory_s)))
@@ -179,9 +202,9 @@ class OnlineRegistration(Method):
         return Grid(float(np.radians(self.azimuth_search_deg)), self.range_search_m, float(np.radians(self.bin_deg)))
 
     def _units(self, sensors: Sensors) -> Floats:
-        """Units of the state (azimuth, range, lag) in the equations. (R, 3)"""
-        radars = sensors.radars
-        return np.column_stack([radars.azimuth_sigma_rad, radars.range_sigma_m, np.ones(len(radars))])
+        """Units of the state (azimuth, range, lag, site east, site north) in the equations. (R, 5)"""
+        azimuth, distance = sensors.radars.azimuth_sigma_rad, sensors.radars.range_sigma_m
+        return np.column_stack([azimuth, distance, np.ones(len(azimuth)), distance, distance])
 
     def _reference_vessels(self, vessels: ComparedVessels, found: Bools) -> Bools:
         """Which vessels are reference vessels: all of a radar whose bias is not found, else a fixed draw. (V,)"""
@@ -194,6 +217,7 @@ class OnlineRegistration(Method):
     def _search(
         self,
         vessels: ComparedVessels,
+        swept: Sweeps,
         is_reference: Bools,
         estimate: Estimate,
         corrections: RadarCorrections,
@@ -206,7 +230,10 @@ class OnlineRegistration(Method):
         lag_s = np.abs(estimate.mean[r, LAG] - corrections.time_lag_s[r])
         speed = np.hypot(vessels.tracks.velocity_m_s[:, 0], vessels.tracks.velocity_m_s[:, 1])
         gate = np.column_stack([GATE_M + speed * lag_s, (GATE_SIGMAS + lag_s) * units[r, 0]])
-        centre = np.where(is_reference[:, None], 0.0, estimate.mean[r][:, [1, 0]])
+        at = to_plane(vessels.tracks.position_deg, swept.site_deg[r])
+        by_site = site_differences(np.arctan2(at[:, 0], at[:, 1]), np.hypot(at[:, 0], at[:, 1]))
+        expected = estimate.mean[r][:, [1, 0]] + (by_site * estimate.mean[r][:, None, SITE]).sum(axis=2)
+        centre = np.where(is_reference[:, None], 0.0, expected)
         return Search(centre, np.where(is_reference[:, None], wide, gate))
 
     def _count_looks(
@@ -247,12 +274,14 @@ class OnlineRegistration(Method):
         drifts: Bools = (newest.sigmas > DRIFT_SIGMAS) & (contradicted <= 0.5 * self._grid().step_rad)
         return drifts
 
-    def _solved(self, information: Information, centre: Floats, sensors: Sensors) -> Estimate:
-        """The estimate of each radar in rad, m and s."""
+    def _solved(self, information: Information, centre: Floats, has_site: Bools, sensors: Sensors) -> Estimate:
+        """The estimate of each radar in rad, m, s, m and m. Args: centre: (R, 3) of the acquisition; has_site: (R,) before."""
         units, n = self._units(sensors), len(centre)
         candidate_sigma = np.hypot(CANDIDATE_SIGMAS * units[:, 0], 0.5 * self._grid().step_rad)
-        prior = np.column_stack([candidate_sigma, np.full(n, self.range_prior_m), np.full(n, self.lag_prior_s)])
-        estimate = solve(information, centre / units, prior / units)
+        alike = self.range_prior_m, self.lag_prior_s, SITE_PRIOR_M, SITE_PRIOR_M
+        prior = np.column_stack([candidate_sigma, *(np.full(n, sigma) for sigma in alike)])
+        about = np.column_stack([centre, np.zeros((n, 2))])
+        estimate = solve(information, about / units, prior / units, has_site, self.site_least_m / sensors.radars.range_sigma_m)
         return estimate._replace(mean=estimate.mean * units, sigma=estimate.sigma * units)
 
     def _corrections(
@@ -261,17 +290,21 @@ class OnlineRegistration(Method):
         """The next corrections: at once where a bias was acquired, else a step towards the estimate."""
         units, estimate, acquisition = self._units(sensors), memory.estimate, memory.acquisition
         locked, acquired = acquisition.found[:, None], acquisition.acquired[:, None]
-        old = np.column_stack([before.azimuth_bias_rad, before.range_bias_m, before.time_lag_s])
+        old = _as_array(before)
         # What is no larger than its deviation is more likely noise than error: shrunk by the positive-part James-Stein rule.
         shrunk = estimate.mean * np.maximum(1.0 - estimate.sigma**2 / np.maximum(estimate.mean**2, TINY), 0.0)
-        target = np.where(locked | [False, False, True], shrunk, old)
+        has_site = estimate.mean[:, SITE].any(axis=1, keepdims=True)
+        shrunk = np.where(has_site, estimate.mean, shrunk)  # its errors are known together rather than one by one
+        target = np.where(locked | IS_LAG, shrunk, old)
         target[estimate.sigma[:, LAG] > self.lag_known_s, LAG] = old[estimate.sigma[:, LAG] > self.lag_known_s, LAG]
         new = old + (target - old) * (1.0 - np.exp(-dt / self.apply_s))
         # A bias smaller than the noise of a plot can wait for a better estimate: a radar that is right is not shifted.
-        at_once = acquired & (np.abs(acquisition.centre - old) > units) & [True, True, False]
-        new = np.where(at_once, acquisition.centre, np.where(acquired, old, new))
-        moved = np.abs(new - old)[:, :2] > JUMP_SIGMAS * units[:, :2]
-        sigma = np.where(locked | ((estimate.plots > 0.0)[:, None] & [False, False, True]), estimate.sigma, np.nan)
+        centre = np.column_stack([acquisition.centre, np.zeros((len(old), 2))])
+        at_once = acquired & (np.abs(centre - old) > units) & ~IS_LAG
+        new = np.where(at_once, centre, np.where(acquired, old, new))
+        new = np.where(has_site & ~old[:, SITE].any(axis=1, keepdims=True), target, new)
+        moved = (np.abs(new - old) > JUMP_SIGMAS * units) & ~IS_LAG
+        sigma = np.where(locked | ((estimate.plots > 0.0)[:, None] & IS_LAG), estimate.sigma, np.nan)
         quiet = np.radians(self.drift_deg_h) * memory.quiet_s / 3600.0
         newest = drift(memory.information, len(acquisition)).mean * units[:, 0]
         sigma[:, 0] = np.sqrt(sigma[:, 0] ** 2 + quiet**2 + newest**2)
@@ -283,10 +316,12 @@ class OnlineRegistration(Method):
             azimuth_sigma_rad=sigma[:, 0],
             range_sigma_m=sigma[:, 1],
             lag_sigma_s=sigma[:, 2],
+            site_error_m=new[:, SITE],
+            site_sigma_m=np.where(has_site, sigma[:, SITE], np.nan),
             references=estimate.references,
             residuals=estimate.plots,
             state=self._state(memory, sigma[:, 0] / units[:, 0], seen),
-            jumped=moved[:, 0] | moved[:, 1],
+            jumped=moved.any(axis=1),
             compared=np.where(np.isfinite(swept.from_s), seen, np.nan),
             candidate_azimuth_rad=acquisition.azimuth_rad,
             candidate_range_m=acquisition.range_m,
@@ -309,3 +344,16 @@ class OnlineRegistration(Method):
         state = np.where(probable, RegistrationState.PROBABLE, state)
         state = np.where(acquisition.found, np.where(settled, RegistrationState.SETTLED, RegistrationState.FOUND), state)
         return np.where(acquisition.found & acquisition.doubtful, RegistrationState.DOUBTFUL, state).astype(np.int64)
+
+
+def _as_array(corrections: RadarCorrections) -> Floats:
+    """What is subtracted from the reports of each radar: azimuth rad, range m, lag s, site east and north m. (R, 5)"""
+    plain = corrections.azimuth_bias_rad, corrections.range_bias_m, corrections.time_lag_s
+    return np.column_stack([*plain, corrections.site_error_m])
+
+
+def _moves(swept: Sweeps, sensors: Sensors) -> Bools:
+    """Which radars are on board: they are not at their stated site, or move from plot to plot. (R,)"""
+    off = to_plane(swept.site_deg, sensors.radars.site_deg)
+    moves: Bools = (np.hypot(off[:, 0], off[:, 1]) > MOVES_M) | (swept.shift_m > MOVES_M)
+    return moves

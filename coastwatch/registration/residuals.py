@@ -45,7 +45,7 @@ def plot_equations(
     """The shares with the pairs of this cycle, and two equations for each pair in the gate of its radar.
 
     The probability that a plot is the vessel's echo is that of a Gaussian about the estimate against an even density over the gate.
-    Args: pairs: of radars whose bias is known; vessels: (V); reference: (V,) whose equations share an offset; estimate: rad, m, s.
+    Args: pairs: of radars whose bias is known; vessels: (V); reference: (V,) whose equations share an offset; estimate: rad, m, s, m, m.
     Source: A. P. Dempster, N. M. Laird, D. B. Rubin, Maximum likelihood from incomplete data via the EM algorithm, 1977 (mixtures).
     """
     pairs = pairs.take(np.lexsort((measured.azimuth_rad[pairs.plot], measured.time_s[pairs.plot], pairs.vessel)))
@@ -53,8 +53,10 @@ def plot_equations(
     range_noise, azimuth_noise = radars.range_sigma_m[r], radars.azimuth_sigma_rad[r]
     lag_change = estimate.mean[r, 2] - lag_s[r]
     lag_sigma = estimate.sigma[r, 2]
-    range_residual = pairs.range_m - estimate.mean[r, 1] + pairs.range_rate_m_s * lag_change
-    azimuth_residual = pairs.azimuth_rad - estimate.mean[r, 0] + pairs.azimuth_rate_rad_s * lag_change
+    by_site = site_differences(measured.azimuth_rad[pairs.plot] - pairs.azimuth_rad, pairs.distance_m)
+    by_range, by_azimuth = (by_site * estimate.mean[r, None, 3:]).sum(axis=2).T
+    range_residual = pairs.range_m - estimate.mean[r, 1] + pairs.range_rate_m_s * lag_change - by_range
+    azimuth_residual = pairs.azimuth_rad - estimate.mean[r, 0] + pairs.azimuth_rate_rad_s * lag_change - by_azimuth
     inside = (np.abs(azimuth_residual) <= GATE_SIGMAS * azimuth_noise) & (np.abs(range_residual) <= GATE_M)
     # So near that a lag or an error of AIS would move the echo out of the gate:
     inside &= np.abs(pairs.azimuth_rate_rad_s) < azimuth_noise
@@ -77,8 +79,9 @@ def plot_equations(
 
     n, zero, lag = len(p), np.zeros(len(p)), lag_s[r]
     range_sigma, azimuth_sigma = np.sqrt(range_variance), np.sqrt(azimuth_variance)
-    along = np.column_stack([zero, range_noise[inside], -p.range_rate_m_s]) / range_sigma[:, None]
-    across = np.column_stack([azimuth_noise[inside], zero, -p.azimuth_rate_rad_s]) / azimuth_sigma[:, None]
+    site = by_site[inside] * range_noise[inside, None, None]
+    along = np.column_stack([zero, range_noise[inside], -p.range_rate_m_s, site[:, 0]]) / range_sigma[:, None]
+    across = np.column_stack([azimuth_noise[inside], zero, -p.azimuth_rate_rad_s, site[:, 1]]) / azimuth_sigma[:, None]
     along_offset = np.column_stack([offset_sigma_m / range_sigma, zero])
     across_sigma = np.hypot(offset_sigma_m / p.distance_m, AZIMUTH_OFFSET * azimuth_noise[inside])
     across_offset = np.column_stack([zero, across_sigma / azimuth_sigma])
@@ -94,6 +97,18 @@ def plot_equations(
     )
     new = EchoShares(r, track_id, np.ones(n), probability)
     return summed_by_vessel(EchoShares.join([shares, new])), equations
+
+
+def site_differences(azimuth_rad: Floats, distance_m: Floats) -> Floats:
+    """How range and azimuth change with the error of the site, stated less true, for vessels seen from there. (A, 2, 2)
+
+    A radar that is said to stand east of its place has vessels in the east too far away. Rows: range, azimuth in rad; columns: of one
+    metre east, north.
+    """
+    east, north = np.sin(azimuth_rad), np.cos(azimuth_rad)
+    along = np.column_stack([east, north])
+    across = np.column_stack([north, -east]) / np.maximum(distance_m, 1.0)[:, None]
+    return np.stack([along, across], axis=1)
 
 
 def forgotten(shares: EchoShares, keep: Floats) -> EchoShares:

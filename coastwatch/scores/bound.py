@@ -72,10 +72,13 @@ def _from_radar(truth: Trajectories, radar: RadarReports, noise: Noise, anchor: 
     time = radar.time_s - noise.time_bias_s[s]
     azimuth = np.radians(radar.azimuth_deg) - noise.azimuth_bias_rad[s]
     distance = (radar.range_m - noise.range_bias_m[s]) / np.exp(-0.5 * noise.azimuth_sigma_rad[s] ** 2)
-    measured = from_plane(distance[:, None] * np.column_stack([np.sin(azimuth), np.cos(azimuth)]), radar.site_deg)
-    at = to_plane(_interpolated(truth, row, time), radar.site_deg)
+    site_deg = radar.site_deg
+    if noise.site_error_m.any():
+        site_deg = from_plane(-noise.site_error_m[s], site_deg)
+    measured = from_plane(distance[:, None] * np.column_stack([np.sin(azimuth), np.cos(azimuth)]), site_deg)
+    at = to_plane(_interpolated(truth, row, time), site_deg)
     true_distance = np.maximum(np.hypot(at[:, 0], at[:, 1]), 1.0)
-    along = np.einsum("mij,mj->mi", turn(radar.site_deg, anchor[row]), at / true_distance[:, None])
+    along = np.einsum("mij,mj->mi", turn(site_deg, anchor[row]), at / true_distance[:, None])
     across = np.column_stack([-along[:, 1], along[:, 0]])
     variances = noise.range_sigma_m[s] ** 2, (true_distance * noise.azimuth_sigma_rad[s]) ** 2
     covariance = sum(v[:, None, None] * u[:, :, None] * u[:, None, :] for v, u in zip(variances, (along, across), strict=True))

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/schema/tables.py, schema 0027, by `make docs`.
+-- Generated from coastwatch/store/schema/tables.py, schema 0028, by `make docs`.
 
 CREATE TABLE audit (
 	id BIGSERIAL NOT NULL,
@@ -403,6 +403,9 @@ CREATE TABLE sensor_registration (
 	tracks BIGINT,
 	position_sigma_m FLOAT(53),
 	velocity_sigma_m_s FLOAT(53),
+	site_east_m FLOAT(53),
+	site_north_m FLOAT(53),
+	site_sigma_m FLOAT(53),
 	range_noise_factor FLOAT(53),
 	azimuth_noise_factor FLOAT(53),
 	turn_s FLOAT(53),

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/schema/tables.py, schema 0027, by `make docs`.
+-- Generated from coastwatch/store/schema/tables.py, schema 0028, by `make docs`.
 
 CREATE TABLE audit (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -417,6 +417,9 @@ CREATE TABLE sensor_registration (
 	tracks INTEGER,
 	position_sigma_m FLOAT,
 	velocity_sigma_m_s FLOAT,
+	site_east_m FLOAT,
+	site_north_m FLOAT,
+	site_sigma_m FLOAT,
 	range_noise_factor FLOAT,
 	azimuth_noise_factor FLOAT,
 	turn_s FLOAT,

@@ -59,9 +59,11 @@ class Case(NamedTuple):
     ais: str = (
         "seen"  # "unseen": no AIS vessel is ever seen; "other": besides, as many vessels without AIS are seen in their lanes
     )
+    site_m: tuple[float, float] = (0.0, 0.0)  # how far the stated site is east and north of the true one
     minutes: float = 16.0
 
 
+WRONG_SITE_M = 15.0
 STEP_S = 900.0
 ZERO = ((0.0, 0.0, 0.0),)
 CASES = {
@@ -77,6 +79,8 @@ CASES = {
     "two": Case(errors=((3.0, 20.0, 1.0), (-15.0, 40.0, 2.0))),
     "step-4": Case(step_deg=4.0, minutes=25.0),
     "step-10": Case(step_deg=-10.0, minutes=25.0),
+    "site": Case(site_m=(50.0, -30.0)),
+    "site-alone": Case(errors=ZERO, site_m=(-60.0, 0.0)),
     "drift": Case(errors=((1.0, 20.0, 1.0),), drift_deg_h=6.0, minutes=31.0),
 }
 
@@ -94,6 +98,8 @@ class Course:
     wrong_s: float = 0.0  # with an applied error over 1 deg
     late_wrong_deg: float = 0.0  # greatest applied error after 5 minutes
     right_again_s: float = np.inf  # after the step
+    site_found_s: float = np.inf  # from when on the site is right to 15 m
+    site_wrong_s: float = 0.0  # with an error of the site applied that is wrong by over 15 m
     states: list[int] = field(default_factory=list)
     marks: dict[int, tuple[float, ...]] = field(default_factory=dict)  # minute: applied less true errors, and their sigmas
     reference_cells: int = 0
@@ -134,6 +140,7 @@ def harbour(case: Case, seed: int, minutes: float | None = None) -> tuple[Scenar
         "azimuth_step_s": STEP_S,
         "speed_kn": case.speed_kn,
         "course_deg": 60.0,
+        "site_error_m": case.site_m,
     }
     radars = base.radars[: len(case.errors)]
     truths = [
@@ -193,6 +200,12 @@ def _note(course: Course, case: Case, errors: tuple[float, float, float], given:
     found = int(given.state[r]) in FOUND
     true_deg = errors[0] + case.drift_deg_h * t / 3600.0 + (case.step_deg if t >= STEP_S else 0.0)
     off = np.array([np.degrees(given.azimuth_bias_rad[r]) - true_deg, given.range_bias_m[r] - errors[1]])
+    site_off_m = float(np.hypot(*(given.site_error_m[r] - case.site_m)))
+    course.site_wrong_s += dt * bool(given.site_error_m[r].any() and site_off_m > WRONG_SITE_M)
+    if site_off_m > WRONG_SITE_M or not given.site_error_m[r].any():
+        course.site_found_s = np.inf
+    elif not np.isfinite(course.site_found_s):
+        course.site_found_s = t
     course.states.append(int(given.state[r]))
     course.corrections.append((given.azimuth_bias_rad[r], given.range_bias_m[r], given.time_lag_s[r], given.odds[r]))
     if found and not np.isfinite(course.found_s):
@@ -219,10 +232,11 @@ def told(course: Course) -> str:
     marks = "; ".join(
         f"{k} min {v[0]:.2f}+-{v[3]:.2f} deg {v[1]:.1f}+-{v[4]:.1f} m {v[2]:.1f}+-{v[5]:.1f} s" for k, v in course.marks.items()
     )
+    site = f", site {course.site_found_s:.0f} s, wrong for {course.site_wrong_s:.0f} s"
     again = f", right again after {course.right_again_s:.0f} s" if np.isfinite(course.right_again_s) else ""
     return (
         f"seed {course.seed} radar {course.radar}, {vessels:.0f} vessels, {100 * seen:.0f} % seen, {100 * nobody:.0f} % of nobody: found "
-        f"{found}{again}; wrong for {course.wrong_s:.0f} s; most odds {course.most_odds:.2g}; {course.reference_cells} cells; {marks}"
+        f"{found}{again}{site}; wrong for {course.wrong_s:.0f} s; most odds {course.most_odds:.2g}; {course.reference_cells} cells; {marks}"
     )
 
 
@@ -237,6 +251,9 @@ def summary(courses: list[Course]) -> dict[str, Any]:
         out["most_wrong_when_found_deg"] = max(abs(c.found_off_deg) for c in courses if np.isfinite(c.found_s))
         out["wrong_s"] = sum(c.wrong_s for c in courses)
         out["late_wrong_deg"] = max(c.late_wrong_deg for c in courses)
+    out["site_found"] = int(np.isfinite([c.site_found_s for c in courses]).sum())
+    out["site_found_s"] = sorted(c.site_found_s for c in courses)
+    out["site_wrong_s"] = sum(c.site_wrong_s for c in courses)
     out["most_odds_unfound"] = max(c.most_odds for c in courses)
     out["reference_cells"] = max(c.reference_cells for c in courses)
     if any(np.isfinite(c.right_again_s) for c in courses):

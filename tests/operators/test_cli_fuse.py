@@ -394,6 +394,15 @@ def test_radars_that_are_all_off_by_the_same_time_are_warned_of(
     assert wanted is None or wanted in found[0]
 
 
+def test_a_radar_whose_site_seems_wrong_is_warned_of() -> None:
+    known = replace(RadarCorrections.none(2), site_error_m=np.array([[0.0, 0.0], [50.0, -20.0]]))
+    radars = [SimpleNamespace(name=name, latitude_deg=50.0, longitude_deg=-1.0, range_nm=6.0) for name in ("fort", "island")]
+    result = SimpleNamespace(contents=(), faults=(), vessels=1, corrections=known)
+    (found,) = inputs.warnings(SimpleNamespace(radars=radars, stations=()), result)
+    assert "island: its stated site seems to be 50 m east and 20 m south of the antenna" in found
+    assert "latitude_deg = 50.00018 and longitude_deg = -1.00070" in found
+
+
 @pytest.mark.parametrize(
     ("name", "taken", "wanted"),
     [

@@ -95,6 +95,16 @@ def test_known_errors_are_taken_out():
     np.testing.assert_allclose(both.time_s, clean.time_s)
 
 
+def test_plots_of_a_radar_whose_site_is_stated_wrong_are_moved():
+    clean, given = converted(reports())[1], reports()
+    north = given.sensor == 0
+    stated = np.where(north[:, None], from_plane(np.array([50.0, -20.0]), given.site_deg), given.site_deg)
+    found = replace(NOTHING, site_error_m=np.array([[50.0, -20.0], [0.0, 0.0]]))
+    mended = converted(replace(given, site_deg=stated), found=found)[1]
+    np.testing.assert_allclose(mended.position_m, clean.position_m, atol=0.01)
+    np.testing.assert_allclose(mended.site_m, clean.site_m, atol=0.01)
+
+
 def test_a_correction_of_no_radar_is_refused():
     with pytest.raises(ScenarioError, match=r"plots\.azimuth_bias_deg: got radar 'est', needed one of .*'radar-1'"):
         load_scenario("context-driven-100", {"plots.azimuth_bias_deg.est": "1.0"})

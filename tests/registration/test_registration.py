@@ -109,6 +109,47 @@ def test_the_standard_deviations_are_honest() -> None:
     assert low < sum(squares) < high
 
 
+def test_a_site_that_is_stated_wrong_is_found() -> None:
+    """Fifty metres between radar and AIS made two vessels of each ship, and registration said that all was settled."""
+    for number, error in enumerate(((0.0, 0.0, 0.0, 50.0, 0.0), (3.0, 30.0, 1.5, -40.0, 60.0))):
+        sea = world.Sea(40 + number, errors=(error,))
+        _, given, course = world.run(OnlineRegistration(), sea, 60)
+        assert given.site_error_m[0] == pytest.approx(error[3:], abs=LIKE_PLOTS_M)
+        assert np.degrees(given.azimuth_bias_rad[0]) == pytest.approx(error[0], abs=LIKE_PLOTS_DEG)
+        assert given.range_bias_m[0] == pytest.approx(error[1], abs=LIKE_PLOTS_M)
+        assert given.state.tolist() == [RegistrationState.SETTLED]
+        assert any(c.jumped[0] and c.site_error_m.any() for c in course), "tracks of displaced plots end"
+
+
+def test_the_deviation_of_the_site_is_honest() -> None:
+    squares = []
+    for seed in range(SEEDS):
+        sea = world.Sea(500 + seed, ais_sigma_m=5.0, errors=((2.0, 20.0, 0.5, 60.0, -20.0),))
+        _, given, _ = world.run(OnlineRegistration(apply_s=0.1), sea, 40)
+        squares.append(float((((given.site_error_m[0] - [60.0, -20.0]) / given.site_sigma_m[0]) ** 2).sum()))
+    low, high = chi2.ppf([BAND / 2, 1 - BAND / 2], 2 * SEEDS)
+    assert low < sum(squares) < high
+
+
+def test_no_site_is_moved_where_none_is_wrong() -> None:
+    """Not with few vessels, nor with a range bias and vessels to one side alone, nor where AIS errs by 20 m."""
+    for seed in range(3):
+        few = world.Sea(seed, vessels=14, ais=8, errors=((0.0, 0.0, 0.0),))
+        one_side = world.Sea(seed, errors=((0.0, 40.0, 0.0),))
+        one_side.start_m = np.column_stack([np.abs(one_side.start_m[:, 0]), 0.3 * one_side.start_m[:, 1]])
+        for sea in (few, one_side, world.Sea(seed, ais_sigma_m=20.0, errors=((0.0, 0.0, 0.0),))):
+            course = world.run(OnlineRegistration(), sea, 60)[2]
+            assert not any(c.site_error_m.any() for c in course)
+
+
+def test_the_site_of_a_radar_on_board_is_not_moved() -> None:
+    """It is stated anew with each plot."""
+    sea = world.Sea(50, errors=((0.0, 0.0, 0.0, 50.0, 0.0),))
+    sea.moves_m_s = 5.0
+    course = world.run(OnlineRegistration(), sea, 40)[2]
+    assert not any(c.site_error_m.any() for c in course)
+
+
 def test_few_vessels_wait_and_others_are_no_evidence() -> None:
     """Three AIS vessels are too few; and where the radar sees none of the AIS vessels, whatever bias looks best is none."""
     for seed in range(5):

@@ -101,7 +101,13 @@ def test_covariance_is_as_large_as_the_errors(motion):
 
 
 def test_biases_are_known_to_the_bound():
-    wrong = {"range_bias_m": 50.0, "azimuth_bias_deg": 1.0, "time_bias_s": 2.0, "noise_factor": 2.0}
+    wrong = {
+        "range_bias_m": 50.0,
+        "azimuth_bias_deg": 1.0,
+        "time_bias_s": 2.0,
+        "noise_factor": 2.0,
+        "site_error_m": [60.0, 0.0],
+    }
     made, best = run(150, radar=wrong, ais={"interval_s": 30.0})
     off = np.concatenate(misses(made, best), axis=-1)[:, ::STEPS_APART]
     values = nees(off.reshape(-1, 4), best.covariance[:, ::STEPS_APART].reshape(-1, 4, 4))
@@ -156,7 +162,7 @@ def test_no_vessel_no_report():
     assert best.position_deg.shape == (0, 40, 2)
     one, _ = run(1)
     few = Trajectories(**{f.name: getattr(one.truth, f.name) for f in fields(one.truth)})
-    noise = Noise(np.ones(2), np.ones(2), np.zeros(2), np.zeros(2), np.zeros(2), 1.0, 1.0)
+    noise = Noise(np.ones(2), np.ones(2), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros((2, 2)), 1.0, 1.0)
     nothing = bound(few, RadarReports.empty(), made.reports.ais, noise, INSTANTS)
     assert (nothing.covariance[..., 0, 0] > 1e7).all()
 

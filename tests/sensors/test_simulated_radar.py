@@ -126,6 +126,20 @@ def test_biases_and_latency():
     np.testing.assert_allclose(turned, 0.5, atol=1e-9)
 
 
+def test_a_site_that_is_stated_wrong():
+    """The stated site is 60 m east of the antenna: what the plots show is 60 m too far east."""
+    wrong = RadarTruth(site_error_m=(60.0, 0.0))
+    reports, vessels = seen((wrong, RadarTruth()))
+    plain, _ = seen((RadarTruth(), RadarTruth()), vessels)
+    mine, right = (r.take(np.lexsort((r.time_s, r.origin, r.sensor))) for r in (reports, plain))
+    np.testing.assert_array_equal(mine.site_deg, right.site_deg)
+    shown = [
+        r.range_m[:, None] * np.column_stack([np.sin(np.radians(r.azimuth_deg)), np.cos(np.radians(r.azimuth_deg))])
+        for r in (mine.take(mine.sensor == 0), right.take(right.sensor == 0))
+    ]
+    np.testing.assert_allclose(np.mean(shown[0], axis=0) - np.mean(shown[1], axis=0), [60.0, 0.0], atol=3.0)
+
+
 def test_switched_on_and_off():
     reports, _ = seen((RadarTruth(start_s=30.0, stop_s=60.0, clutter_per_m2=1e-7), RadarTruth()))
     west = reports.time_s[reports.sensor == 0] - START_S

@@ -255,7 +255,9 @@ def test_every_question(store: Store) -> None:
     assert fort["azimuth_change_deg"] == pytest.approx(0.001 * 60.0 / world.PERIOD_S)
     assert (fort["range_bias_m"], fort["time_lag_s"]) == (-12.0, 1.5)
     assert (fort["estimated_lag_s"], fort["lag_sigma_s"]) == (1.6, 0.1)
+    assert (fort["site_east_m"], fort["site_north_m"], fort["site_sigma_m"]) == (48.5, -2.0, 0.75)
     assert registered["island"]["azimuth_sigma_deg"] is None
+    assert registered["island"]["site_east_m"] is None
     load = {row["stage"]: row for row in rows("load", cycles=10)}
     assert list(load) == list(world.SECONDS)
     assert load["tracks"]["mean_ms"] == pytest.approx(4.0)

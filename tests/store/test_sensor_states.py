@@ -33,6 +33,7 @@ def test_sensors_as_they_were(url: str) -> None:
         assert now.column("name") == ["hill", "mouth", "fort", "island"]
         assert now.column("state") == [None, None, "settled", "unknown"]
         assert now.column("azimuth_bias_deg")[2] == pytest.approx(5.02)
+        assert now.column("site_north_m") == [None, None, -2.0, None]
         assert now.column("range_noise_factor") == [None, None, 1.25, None]
         assert now.column("azimuth_noise_factor") == [None, None, 1.0, None]
         assert before.column("state") == [None, None, "acquiring", "unknown"]

@@ -49,7 +49,7 @@ def sensors(radars: int = 1) -> Sensors:
 
 @dataclass
 class Sea:
-    """A sea with one seed. Errors are one row a radar: azimuth deg, range m, lag s."""
+    """A sea with one seed. Errors are one row a radar: azimuth deg, range m, lag s, and east and north m of the stated site if any."""
 
     seed: int
     vessels: int = 60
@@ -61,6 +61,7 @@ class Sea:
     clutter: int = 5
     ais_sigma_m: float = 3.0  # constant for each vessel
     speed_m_s: float = 6.0
+    moves_m_s: float = 0.0  # at which the radars go east
     start_m: Floats = field(init=False)
     velocity: Floats = field(init=False)
     off_m: Floats = field(init=False)
@@ -82,23 +83,26 @@ class Sea:
         """The plots of a cycle with the corrections taken out."""
         where, parts = sensors(self.radars), []
         site = np.column_stack([np.zeros(self.radars), 4000.0 * np.arange(self.radars)])
-        for r, (bias_deg, bias_m, lag_s) in enumerate(self.errors if errors is None else errors):
+        for r, (bias_deg, bias_m, lag_s, *off_m) in enumerate(self.errors if errors is None else errors):
+            true_site, taken_site = site[r] - (off_m or 0.0), site[r] - given.site_error_m[r]
             rng = np.random.default_rng([self.seed, 2, cycle, r])
             beam = START_S + PERIOD_S * cycle + rng.uniform(0, PERIOD_S, self.vessels)
-            at = self.start_m + (beam - START_S)[:, None] * self.velocity - site[r]
+            run = np.column_stack([self.moves_m_s * (beam - START_S), np.zeros(self.vessels)])
+            at = self.start_m + (beam - START_S)[:, None] * self.velocity - true_site - run
             seen = (rng.random(self.vessels) < self.detection) & (np.arange(self.vessels) >= self.silent)
             false = 10_000.0 * rng.uniform(-0.7, 0.7, (self.clutter, 2))
             at, beam = np.concatenate([at[seen], false]), np.concatenate([beam[seen], beam[: self.clutter]])
+            run = np.concatenate([run[seen], run[: self.clutter]])
             noise = rng.standard_normal((len(at), 2))
             distance = np.hypot(at[:, 0], at[:, 1]) + RANGE_SIGMA_M * noise[:, 0] + bias_m - given.range_bias_m[r]
             azimuth = np.arctan2(at[:, 0], at[:, 1]) + AZIMUTH_SIGMA * noise[:, 1] + np.radians(bias_deg)
             azimuth = azimuth - given.azimuth_bias_rad[r]
             n = len(at)
             metres, covariance = polar_to_plane(distance, azimuth, np.full(n, RANGE_SIGMA_M), np.full(n, AZIMUTH_SIGMA))
-            place = to_plane(from_plane(metres, where.radars.site_deg[r]), CENTRE)
+            place = to_plane(from_plane(metres, from_plane(-given.site_error_m[r], where.radars.site_deg[r])), CENTRE) + run
             number = np.full(n, r, np.int64)
             stamp = beam + lag_s - given.time_lag_s[r]
-            sites, nobody = np.tile(site[r], (n, 1)), number * 0 - 1
+            sites, nobody = taken_site + run, number * 0 - 1
             parts.append(Plots(number, number * 0, stamp, place, covariance, sites, distance, azimuth, nobody))
         return Plots.join(parts)
 
@@ -151,5 +155,5 @@ def run(method: Any, sea: Sea, cycles: int, first: int = 0, memory: Any = None, 
 def errors_of(given: RadarCorrections, true: Any) -> Floats:
     """Corrections less the true errors over the standard deviations. (R, 3)"""
     got = np.column_stack([given.azimuth_bias_rad, given.range_bias_m, given.estimated_lag_s])
-    want = np.array([[np.radians(a), m, s] for a, m, s in true])
+    want = np.array([[np.radians(a), m, s] for a, m, s, *_ in true])
     return (got - want) / np.column_stack([given.azimuth_sigma_rad, given.range_sigma_m, given.lag_sigma_s])

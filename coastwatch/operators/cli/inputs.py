@@ -11,6 +11,7 @@ import numpy as np
 from coastwatch.batches import Fault, FileContent, RadarCorrections
 from coastwatch.formats.intake.accounts import LOSSES, accounts
 from coastwatch.formats.intake.faults import refused
+from coastwatch.geodesy import from_plane
 from coastwatch.operators.typed import Box
 from coastwatch.scenario import Scenario
 from coastwatch.scenario.sites import Radar, Station
@@ -73,7 +74,8 @@ def warnings(scenario: Scenario, result: RunResult) -> list[str]:
         if fault.kind in LOSSES
     ]
     of_files = warnings_of_files(scenario, result.contents, result.faults)
-    return [*lost, *of_files, *_nothing_taken(result), *_empty_picture(result), *_alike_lags(result.corrections)]
+    of_radars = *_alike_lags(result.corrections), *_wrong_sites(scenario, result.corrections)
+    return [*lost, *of_files, *_nothing_taken(result), *_empty_picture(result), *of_radars]
 
 
 def _alike_lags(corrections: RadarCorrections) -> Iterator[str]:
@@ -86,6 +88,19 @@ def _alike_lags(corrections: RadarCorrections) -> Iterator[str]:
             f"the {len(lag_s)} radars seem to be off by the same {late_s:.1f} s against AIS: more likely the times of AIS are "
             f"{abs(late_s):.1f} s {sign}"
         )
+
+
+def _wrong_sites(scenario: Scenario, corrections: RadarCorrections) -> Iterator[str]:
+    """The radars whose stated place seems to be wrong, and where they stand then."""
+    for r in np.flatnonzero(corrections.site_error_m.any(axis=1)).tolist():
+        radar, off_m = scenario.radars[r], corrections.site_error_m[r]
+        text = f"{abs(off_m[0]):.0f} m {'east' if off_m[0] > 0.0 else 'west'}"
+        text += f" and {abs(off_m[1]):.0f} m {'north' if off_m[1] > 0.0 else 'south'}"
+        said = f"radar {radar.name}: its stated site seems to be {text} of the antenna, against AIS; its plots were moved"
+        if radar.latitude_deg is not None:
+            there = from_plane(-off_m, np.array([radar.latitude_deg, radar.longitude_deg]))
+            said += f". If that is so, state latitude_deg = {there[0]:.5f} and longitude_deg = {there[1]:.5f}"
+        yield said
 
 
 def warnings_of_files(scenario: Scenario, contents: Sequence[FileContent], faults: Sequence[Fault]) -> list[str]:

@@ -259,8 +259,7 @@ def token_add(parser: Parser) -> None:
 def reproduce(parser: Parser) -> None:
     """Reproduce every published figure of a paper: run its methods as published and ours over seeds 1000, 1001, ..., then write
     an HTML report and a JSON file. Exit code 4 if a target is missed or an ordering of the paper fails; the last lines say which.
-    Finished runs stay in the output folder: the same command continues after an interruption
-    and runs only what is missing.
+    Finished runs stay in the output folder: the same command goes on with what is missing.
     """
     parser.add_argument("paper", metavar="PAPER", help="the paper: hem, heymann, liland, rangel or sagild")
     text = "runs of each variant (default: as many as the paper averages)"

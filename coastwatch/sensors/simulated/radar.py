@@ -43,6 +43,9 @@ class Burst(Settings):
         return np.where((since_s >= 0.0) & (phase_s < self.duration_s), self.per_m2, 0.0)
 
 
+Metres = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+
+
 class RadarTruth(Settings):
     """What a simulated radar does beyond its specification."""
 
@@ -57,7 +60,7 @@ class RadarTruth(Settings):
     clutter_per_m2: Annotated[float, Field(ge=0.0, le=1e-4)] = 0.0  # false plots per turn, uniform over the disc of its range
     burst: Burst = Burst()  # clutter that comes at times, on top of that
     noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # true noise divided by the specified noise
-    range_bias_m: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0  # added to each range: positive is too long, e.g. 40
+    range_bias_m: Metres = 0.0  # added to each range: positive is too long, e.g. 40
     azimuth_bias_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = (
         0.0  # added to azimuths: positive is clockwise, e.g. 3 makes 90 93
     )
@@ -80,6 +83,7 @@ class RadarTruth(Settings):
     blind_to_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # end of the sector; equal to its start: no such sector
     course_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # of a moving platform
     speed_kn: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # of a moving platform; 0: on shore
+    site_error_m: tuple[Metres, Metres] = (0.0, 0.0)  # positive: the stated site is east, north of the antenna, e.g. [50, 0]
 
     @model_validator(mode="after")
     def _it_works_between_outages_and_after_its_start(self) -> Self:
@@ -190,8 +194,12 @@ class Antenna:
     seed: int
 
     def site_at(self, time_s: Floats) -> Floats:
-        """Position of the antenna. Args: time_s: (M,). Returns: (M, 2) deg."""
-        here = self.radars.site_deg[self.r]
+        """True position of the antenna. Args: time_s: (M,). Returns: (M, 2) deg."""
+        error_m, stated = np.array(self.truth.site_error_m), self.radars.site_deg[self.r]
+        return self._moved(time_s, from_plane(-error_m, stated) if error_m.any() else stated)
+
+    def _moved(self, time_s: Floats, here: Floats) -> Floats:
+        """Where the platform is. Args: time_s: (M,); here: (2,) deg at the start. Returns: (M, 2) deg."""
         if self.truth.speed_kn == 0.0:
             return np.tile(here, (len(time_s), 1))
         course = np.radians(self.truth.course_deg)
@@ -300,7 +308,7 @@ class Antenna:
             received_s=beam_s + self.truth.latency_s,
             range_m=np.maximum(range_m, 0.0),
             azimuth_deg=azimuth_deg % 360.0,
-            site_deg=self.site_at(beam_s),
+            site_deg=self._moved(beam_s, self.radars.site_deg[self.r]),
             origin=origin,
         )
 

@@ -149,6 +149,7 @@ class Simulated(Method):
             range_bias_m=np.array([t.range_bias_m for t in truths]),
             azimuth_bias_rad=np.radians([t.azimuth_bias_deg for t in truths]),
             time_bias_s=np.array([t.time_bias_s for t in truths]),
+            site_error_m=np.array([t.site_error_m for t in truths], np.float64).reshape(-1, 2),
             ais_position_sigma_m=float(np.hypot(self.ais.position_sigma_m, wire * POSITION_STEP_DEG * degree_m / ROUNDING)),
             ais_velocity_sigma_m_s=float(np.hypot(self.ais.velocity_sigma_kn, wire * SOG_STEP_KN / ROUNDING)) * KNOT_M_S,
         )

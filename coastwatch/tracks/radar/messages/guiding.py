@@ -11,7 +11,7 @@ from coastwatch.tracks.radar.messages.sequential import Sequential
 class Guiding(Sequential):
     """Each AIS message at its own time, as by `sequential`, for the association of plots alone.
 
-    The filter of plots alone, with the probabilities of this association, is what a track reports: its errors stay independent of AIS.
+    The filter of plots alone, with this association, is what a track reports: its errors stay independent of AIS.
     """
 
     guides: ClassVar[bool] = True

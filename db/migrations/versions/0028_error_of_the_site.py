@@ -1,0 +1,14 @@
+"""How far the stated site of a radar is east and north of the true one, null for older runs."""
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0028"
+down_revision = "0027"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    for name in ("site_east_m", "site_north_m", "site_sigma_m"):
+        op.add_column("sensor_registration", sa.Column(name, sa.Float(53), nullable=True))
