@@ -15,7 +15,7 @@ pytestmark = pytest.mark.contract
 
 STATED = ExistenceManagement(rates=RateSettings(learnt=False))
 CLUTTER_PER_M2 = 5e-6
-RANGE_NM, CYCLES = 3.0, 30
+RANGE_NM, CYCLES, LONG = 3.0, 30, 45
 ALONE_NM = 2.0  # at which no vessel is in the range of both radars
 
 
@@ -61,6 +61,20 @@ def test_a_burst_of_clutter_makes_few_tracks_and_fades(method):
     known = memory.rates.false_plots_per_m2(RateSettings(), sensors.radars, np.full(2, calm))
     assert np.all(memory.rates.burst_per_m2 < 25 * calm * np.exp(-2.0))
     assert np.all((known > calm) & (known < 6 * calm))
+
+
+def test_a_squall_in_a_part_of_the_range_makes_few_tracks():
+    """Fifteen plots a turn within 400 m are not many for a radar, and dozens of false vessels were dark."""
+    truth, sensors, calm = world(40, 35), two_radars(range_nm=RANGE_NM), 5e-7
+    steady = plots_of(truth, sensors, PERIOD_S * LONG, 35, detection=0.9, clutter_per_m2=calm)
+    storm = plots_of(world(0, 1), sensors, PERIOD_S * LONG, 36, clutter_per_m2=3e-5)
+    in_rain = np.hypot(*(storm.position_m - storm.site_m - [0.0, 2500.0]).T) < 400.0
+    in_burst = storm.take(in_rain & (storm.sensor == 0) & (storm.time_s > 35 * PERIOD_S))
+    every = Plots.join([steady, in_burst])
+    every = every.take(np.argsort(every.time_s, kind="stable"))
+    _, out = run(tracker(True), every, LONG, sensors)
+    assert max(int((tracks.origin < 0).sum()) for tracks in out) <= 2  # without the density of the squall 5
+    assert np.isin(out[34].track_id, out[-1].track_id).all()
 
 
 def test_before_the_first_plot_the_stated_rates_hold_and_a_pause_is_no_turn():

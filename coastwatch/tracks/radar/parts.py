@@ -16,9 +16,11 @@ from coastwatch.kernels.tracks.existence import EXISTS
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import ExistenceManagement, TrackManagement
+from coastwatch.tracks.radar.local_bursts import local_burst_per_m2
 from coastwatch.tracks.radar.motion import Filters, Prior
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
+LOCAL_TURNS = 20.0  # of a radar before it has local bursts: by then vessels have tracks, and standing echoes a clutter map
 LIKELY = 0.5  # a plot is reported as taken by the track that it belongs to with more than this probability
 
 
@@ -129,6 +131,22 @@ def learn_turn(parts: Parts, memory: RadarMemory, batch: PlotColumns) -> None:
     stated = rules.by_radar.get(str(radars.name[radar]), rules.detection).false_plots_per_m2 * area_m2
     free = len(batch.time) - int(np.count_nonzero(memory.table.existence[memory.table.live] >= EXISTS))
     memory.rates.notice_burst(rules.rates, radar, stated, area_m2, free, passed)
+
+
+def false_plots_at(parts: Parts, memory: RadarMemory, batch: PlotColumns, density: float) -> Floats:
+    """The density of false plots in one look at each plot of a batch of one radar, also in a local burst. (M,)
+
+    A plot counts the less for a local burst the denser the clutter map is there: standing echoes are none. Args: density: of this radar.
+    """
+    rates, radar, table = parts.existence.rates, int(batch.sensor[0]), memory.table
+    false = memory.false_plots_per_m2(parts.clutter, batch, density)
+    if not rates.learnt or memory.rates.turns[radar] < LOCAL_TURNS:
+        return false
+    existing = table.live[table.existence[table.live] >= EXISTS]
+    range_m = float(parts.sensors.radars.range_m[radar])
+    unexplained = np.minimum(density / false, 1.0)
+    burst = local_burst_per_m2(batch.position, unexplained, table.combined_mean[existing, :2], range_m, density)
+    return np.maximum(false, burst)
 
 
 def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: PlotColumns) -> RadarMemory:

@@ -17,7 +17,7 @@ from coastwatch.kernels.tracks.existence import EXISTS, LATELY, SURELY
 from coastwatch.stage import Settings
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.life.existence import merge_duplicates
-from coastwatch.tracks.radar.parts import LIKELY, Parts, begin_tracks, gated_by_plots, learn_turn
+from coastwatch.tracks.radar.parts import LIKELY, Parts, begin_tracks, false_plots_at, gated_by_plots, learn_turn
 from coastwatch.tracks.radar.table import RadarMemory
 
 
@@ -36,7 +36,7 @@ class Jipda(Settings):
         learn_turn(parts, memory, batch)
         columns, every_density = rules.by_number(memory.rates, parts.sensors.radars)
         detection = float(columns.probability[radar])
-        false_per_m2 = memory.false_plots_per_m2(clutter, batch, float(every_density[radar]))
+        false_per_m2 = false_plots_at(parts, memory, batch, float(every_density[radar]))
         unborn_per_m2 = rules.new_per_m2(columns.probability)[radar]
         pairs, added = gated_by_plots(parts, table, batch)
         due = (

@@ -35,7 +35,7 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     without_ended,
     write_chosen,
 )
-from coastwatch.tracks.radar.parts import Parts, begin_tracks, learn_turn
+from coastwatch.tracks.radar.parts import Parts, begin_tracks, false_plots_at, learn_turn
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
 ELLIPSE = 4.0  # squared distance of the ellipse that people see: two standard deviations
@@ -67,7 +67,7 @@ class MultiHypothesis(Settings):
         learn_turn(parts, memory, batch)
         rates, densities = rules.by_number(memory.rates, sensors)
         detection, density = float(rates.probability[radar]), float(densities[radar])
-        false_per_m2 = memory.false_plots_per_m2(parts.clutter, batch, density)
+        false_per_m2 = false_plots_at(parts, memory, batch, density)
         unborn_per_m2 = float(rules.new_per_m2(rates.probability)[radar])
         nobody = false_per_m2 + unborn_per_m2
         period_s, before_s = float(sensors.period_s[radar]), table.looked_s[:, radar].copy()
