@@ -59,6 +59,18 @@ def test_a_report_waits_for_a_quarter_of_an_hour() -> None:
     assert taken.sum() == BURST
 
 
+def test_what_waits_and_what_had_no_room_is_counted_for_each_feed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(new_vessels, "MOST_WAITING", 1_000)
+    new = NewVessels()
+    for feed in (0, 1):
+        mmsi = FIRST + 10_000 * feed + np.arange(BURST + 600)
+        new.accepted(
+            mmsi, np.full(len(mmsi), 1.0 * feed), np.zeros((len(mmsi), 2)), np.full(len(mmsi), feed), np.zeros_like(mmsi)
+        )
+    assert [counts.tolist() for counts in new.set_aside(1.0, 3)] == [[300, 600, 0], [300, 0, 0]]
+    assert [counts.tolist() for counts in new.set_aside(AGREES_WITHIN_S, 3)] == [[0, 600, 0], [300, 0, 0]]
+
+
 OF_TABLE = st.lists(st.tuples(st.sampled_from("pprk"), st.lists(st.integers(0, 20), max_size=8)), max_size=12)
 
 
@@ -80,11 +92,11 @@ def test_a_table_holds_what_a_dict_does(steps: list[tuple[str, list[int]]], tail
             else:
                 newest = sorted((number for number, row in known.items() if row[0] > now_s - 5.0), key=lambda n: known[n][0])
                 went = table.keep_after(now_s - 5.0, 10)
-                assert went == max(len(newest) - 10, 0)
+                assert went[:, 0].tolist() == [known[number][0] for number in newest[:-10]]
                 known = {number: known[number] for number in newest[-10:]}
             assert table.mmsi.tolist() == sorted(known)
             assert table.values(np.arange(21))[:, 0].tolist() == [known.get(n, (NONE_S, 0.0))[0] for n in range(21)]
             assert table.values(table.mmsi)[:, 1].tolist() == [known[n][1] for n in sorted(known)]
             assert table.has(np.arange(21)).tolist() == [number in known for number in range(21)]
-            assert (table.times_s() > NONE_S).sum() == len(known)
+            assert sorted(table.column(1, now_s - 3.0)) == sorted(v for t, v in known.values() if t > now_s - 3.0)
             assert table.rows >= len(known)

@@ -36,9 +36,9 @@ class MmsiTable:
         """Those in the table, sorted. (N,)"""
         return np.sort(np.concatenate([keys[values[:, 0] > NONE_S] for keys, values in (self._long, self._short)]))
 
-    def times_s(self) -> Floats:
-        """The time of each row in memory, in any order; NONE_S: removed. (`rows`,)"""
-        return np.concatenate([self._long[1][:, 0], self._short[1][:, 0]])
+    def column(self, number: int, after_s: float) -> Floats:
+        """A value of each row whose time is later, in any order. (N,)"""
+        return np.concatenate([values[values[:, 0] > after_s, number] for _, values in (self._long, self._short)])
 
     def has(self, mmsi: Ints) -> Bools:
         """Which are in the table. Args: (M,). Returns: (M,)."""
@@ -71,15 +71,20 @@ class MmsiTable:
             at = find(keys, mmsi)
             values[at[at >= 0], 0] = NONE_S
 
-    def keep_after(self, after_s: float, most: int | None = None) -> int:
-        """Keep the rows whose time is later, the newest of them, in one part. Args: most: rows; none: all. Returns: how many went."""
+    def keep_after(self, after_s: float, most: int | None = None) -> Floats:
+        """Keep the rows whose time is later, in one part.
+
+        Args: most: of them the newest; none: all. Returns: the values of those of them that went, (K, C).
+        """
         kept = [_taken(part, np.flatnonzero(part[1][:, 0] > after_s)) for part in (self._long, self._short)]
         whole = _inserted(kept[0], *kept[1])
         surplus = 0 if most is None else max(len(whole[0]) - most, 0)
+        gone = whole[1][:0].copy()
         if surplus:
-            whole = _taken(whole, np.sort(np.argsort(whole[1][:, 0], kind="stable")[surplus:]))
+            order = np.argsort(whole[1][:, 0], kind="stable")
+            gone, whole = whole[1][order[:surplus]], _taken(whole, np.sort(order[surplus:]))
         self._long, self._short = whole, (whole[0][:0].copy(), whole[1][:0].copy())
-        return surplus
+        return gone
 
 
 def _taken(part: tuple[Ints, Floats], rows: Ints) -> tuple[Ints, Floats]:

@@ -23,7 +23,7 @@ FORGOTTEN_S = 3_600.0
 """An MMSI that was not heard for so long is new again: as long as a track without reports lives."""
 
 MOST_WAITING = 1_250_000
-"""Rows of MMSI that wait for a second report, 32 bytes each. Where there are more, a tenth goes: those heard longest ago.
+"""Rows of MMSI that wait for a second report, 40 bytes each. Where there are more, a tenth goes: those heard longest ago.
 
 So at least 1,125,000 have room: vessels at anchor report each 180 s, and all of them are heard once before the first is again.
 """
@@ -63,7 +63,8 @@ class NewVessels:
 
     def __init__(self) -> None:
         self._accepted = MmsiTable(1)  # when each was heard last
-        self._waiting = MmsiTable(3)  # when and where each was heard last: latitude and longitude in degrees
+        self._waiting = MmsiTable(4)  # when and where each was heard last, latitude and longitude in degrees, and by which feed
+        self._no_room = np.zeros(0, np.int64)  # how many of each feed went as there was no room
         self._budgets: OrderedDict[tuple[int, int], _Budget] = OrderedDict()
         self._of_feeds: dict[int, _Budget] = {}
         self._looked_s = -np.inf  # when those were forgotten that were not heard for long
@@ -82,7 +83,7 @@ class NewVessels:
             granted = self._granted(new[np.sort(first)], feed, sender, now_s)
             is_used |= _is_in(mmsi, np.sort(mmsi[granted]))
             self._waiting.remove(mmsi[is_used & ~is_known])
-            self._wait(mmsi[~is_used], time_s[~is_used], position_deg[~is_used], now_s)
+            self._wait(mmsi[~is_used], np.column_stack([time_s, position_deg, feed])[~is_used], now_s)
         self._accepted.put(mmsi[is_used], time_s[is_used, None])
         if now_s > self._looked_s + FORGOTTEN_S / 60.0:
             self._accepted.keep_after(np.nextafter(now_s - FORGOTTEN_S, -np.inf))
@@ -109,15 +110,23 @@ class NewVessels:
         waiting = self._waiting.values(mmsi[rows])
         apart_s = time_s[rows] - waiting[:, 0]
         near = np.flatnonzero((apart_s > 0.0) & (apart_s <= AGREES_WITHIN_S))
-        apart_m = _distance_m(position_deg[rows[near]], waiting[near, 1:])
+        apart_m = _distance_m(position_deg[rows[near]], waiting[near, 1:3])
         agrees = near[apart_m <= AGREES_M + AGREES_M_S * apart_s[near]]
         return unknown & _is_in(mmsi, np.unique(mmsi[rows[agrees]]))
 
-    def _wait(self, mmsi: Ints, time_s: Floats, position_deg: Floats, now_s: float) -> None:
-        """Keep the newest report of each MMSI that is not known, within bounds. Args: (M,), (M,), (M, 2), in order of time."""
-        self._waiting.put(mmsi, np.column_stack([time_s, position_deg]))
+    def _wait(self, mmsi: Ints, report: Floats, now_s: float) -> None:
+        """Keep the newest report of each MMSI that is not known, within bounds. Args: report: (M, 4), as waits, in order of time."""
+        self._waiting.put(mmsi, report)
         if self._waiting.rows > MOST_WAITING:
-            self._waiting.keep_after(now_s - AGREES_WITHIN_S, MOST_WAITING - MOST_WAITING // 10)
+            gone = self._waiting.keep_after(now_s - AGREES_WITHIN_S, MOST_WAITING - MOST_WAITING // 10)
+            before = self._no_room
+            self._no_room = np.bincount(gone[:, 3].astype(np.int64), minlength=len(before))
+            self._no_room[: len(before)] += before
+
+    def set_aside(self, now_s: float, feeds: int) -> tuple[Ints, Ints]:
+        """How many MMSI of each feed wait for a second report, and how many went since the start as there was no room. (F,), (F,)"""
+        waiting = self._waiting.column(3, now_s - AGREES_WITHIN_S).astype(np.int64)
+        return np.bincount(waiting, minlength=feeds), np.pad(self._no_room, (0, max(feeds - len(self._no_room), 0)))
 
 
 def _is_in(values: Ints, ordered: Ints) -> Bools:
