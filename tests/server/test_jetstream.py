@@ -180,6 +180,78 @@ def test_a_quiet_stream_keeps_its_connection_and_forgets_a_centre_that_ends(
     assert not consumers
 
 
+@pytest.mark.parametrize("how", ["consumer", "stream", "forgotten"])
+def test_a_centre_that_the_server_has_forgotten_goes_on_after_its_last_cycle(
+    region: Region, name: str, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    monkeypatch.setattr("coastwatch.server.regions.jetstream.QUIET_S", 0.1)
+    monkeypatch.setattr("coastwatch.server.regions.jetstream.POLL_S", 0.1)
+    if how == "forgotten":
+        monkeypatch.setattr("coastwatch.server.regions.jetstream.FORGOTTEN_S", 0.3)
+    of_stream, wanted, stop = f"coastwatch-{name}", 24, threading.Event()
+    written = wanted if how == "forgotten" else 3
+    region.write(written)
+
+    def known() -> list[str]:
+        return [one.name for one in run_with_stream(lambda client: client.jetstream().consumers_info(of_stream))]
+
+    async def delete(client: Any) -> None:
+        if how == "stream":
+            await client.jetstream().delete_stream(of_stream)
+        for consumer in known_then if how == "consumer" else []:
+            await client.jetstream().delete_consumer(of_stream, consumer)
+
+    scenario = centre_scenario()
+    sensors = scenario.sensors()
+    regions = [parsed_region(f"{SERVER}/{name}?name=north")]
+    with (
+        journal(region, f"{SERVER}/{name}") as published,
+        LiveInput([], sensors, regions=regions, clock="feeds") as source,
+    ):
+        wait_for(lambda: published.published == written)
+        source.begin(scenario, sensors, 1, threading.Event(), {})
+        wait_for(lambda: source.feeds()[0]["received"] >= 3)
+        known_then = known()
+        assert len(known_then) == 1
+        run_with_stream(delete)
+        region.write(wanted - written)
+        if how == "forgotten":  # the centre waits for another region, and asks for nothing
+            wait_for(lambda: not known())
+        found: list[int] = []
+        late = threading.Timer(20.0, stop.set)
+        late.start()
+        for number in range(wanted):
+            assert source.wait(START_S + (number + 1) * PERIOD_S, stop), f"cycle {number + 1} did not come in time"
+            assert len(source.between(START_S + number * PERIOD_S, START_S + (number + 1) * PERIOD_S).tracks) == VESSELS
+            found += [one.last_seq for one in source.intake()]
+        late.cancel()
+        feed = source.feeds()[0]
+    assert found == list(range(1, wanted + 1))
+    assert (feed["connections"], feed["dropped"], feed["late"]) == (2, 0, 0)
+
+
+def test_a_centre_says_that_its_stream_is_gone_until_it_is_there_again(
+    region: Region, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("coastwatch.server.regions.jetstream.QUIET_S", 0.1)
+    monkeypatch.setattr("coastwatch.server.regions.jetstream.POLL_S", 0.1)
+    region.write(2)
+    scenario = centre_scenario()
+    sensors = scenario.sensors()
+    with LiveInput([], sensors, regions=[parsed_region(f"{SERVER}/{name}?name=north")], clock="feeds") as source:
+        with journal(region, f"{SERVER}/{name}") as published:
+            wait_for(lambda: published.published == 2)
+        source.begin(scenario, sensors, 1, threading.Event(), {})
+        wait_for(lambda: source.feeds()[0]["received"] == 2)
+        run_with_stream(lambda client: client.jetstream().delete_stream(f"coastwatch-{name}"))
+        wait_for(lambda: not source.feeds()[0]["connected"], 10.0)
+        wait_for(lambda: source.feeds()[0]["error"] == f"the server has no stream coastwatch-{name}: the region makes it", 10.0)
+        with journal(region, f"{SERVER}/{name}"):
+            region.write(1)
+            wait_for(lambda: source.feeds()[0]["received"] == 3, 10.0)
+        assert source.feeds()[0]["dropped"] == 0
+
+
 @pytest.mark.parametrize(
     "text", ["nats://h:1", "nats://h:1/a.b", "nats://h:1/a/b", "nats://h:1/a?x=1", "ws://h:1?user=a", "tls://:1/a"]
 )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import ssl
 import threading
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
@@ -45,6 +46,7 @@ POLL_S = 0.5  # how long it is waited for a message before the end of the run is
 TOGETHER = 8  # messages that are asked for at once
 SHORTEST_S = 60.0  # for which a stream keeps a cycle
 FORGOTTEN_S = 300.0  # after which the server forgets a centre that asks for nothing
+QUIET_S = 5.0  # without a message, after which a centre asks whether the server still knows it
 
 
 def stream_of(name: str) -> str:
@@ -147,19 +149,31 @@ class Subscription(Connection):
                         await stream.delete_consumer(stream_of(name), wanted.name)
 
     async def _take(self, client: Client, messages: JetStreamContext.PullSubscription, begun: bool, newest: str) -> None:
-        """Take what comes until the run ends. Args: begun, newest: as of `_received`. Raises: Error; OSError: the connection is lost."""
+        """Take what comes until the run ends.
+
+        Args: begun, newest: as of `_received`. Raises: Error; OSError: the connection is lost, or the server has forgotten the centre.
+        """
+        came_s = time.monotonic()
         while not self._ended.is_set():
             if len(self._waiting) >= IN_FLIGHT:
                 await asyncio.sleep(POLL_S / 10.0)
                 continue
-            try:
-                fetched = await messages.fetch(TOGETHER, timeout=POLL_S)
-            except TimeoutError:  # nats-py raises its own, or that of asyncio
-                if not client.is_connected:
-                    raise OSError("the connection is lost") from None
-                continue
-            for message in fetched:
-                begun = self._received(message, begun, newest)
+            with suppress(TimeoutError):  # nats-py raises its own, or that of asyncio
+                for message in await messages.fetch(TOGETHER, timeout=POLL_S):
+                    begun, came_s = self._received(message, begun, newest), time.monotonic()
+            if not client.is_connected:
+                raise OSError("the connection is lost")
+            if time.monotonic() - came_s > QUIET_S:
+                await self._still_known(messages)
+                came_s = time.monotonic()
+
+    async def _still_known(self, messages: JetStreamContext.PullSubscription) -> None:
+        """A consumer that is gone looks like a stream without new cycles. Raises: Error; OSError: it is gone, a new session is needed."""
+        try:
+            await messages.consumer_info()
+        except NotFoundError:
+            stream = stream_of(self.address.stream)
+            raise OSError(f"the server has forgotten this centre, or has no stream {stream}: it is asked again") from None
 
     async def _first(self, stream: JetStreamContext) -> tuple[int | None, str]:
         """Where the stream goes on after the last cycle that is known, None: it is not there; and the newest run. Raises: Error."""
