@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from region_world import PERIOD_S, START_S, VESSELS, Region, centre_scenario
+from relay_world import relayed
 from server_world import listening, wait_for
 
 from coastwatch.errors import AddressError, InputError
@@ -250,6 +251,27 @@ def test_a_centre_says_that_its_stream_is_gone_until_it_is_there_again(
             region.write(1)
             wait_for(lambda: source.feeds()[0]["received"] == 3, 10.0)
         assert source.feeds()[0]["dropped"] == 0
+
+
+def test_a_link_that_carries_nothing_more_is_noticed_and_made_again(
+    region: Region, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("coastwatch.server.regions.jetstream.LOST_S", 3)
+    monkeypatch.setattr("coastwatch.server.regions.jetstream.QUIET_S", 1e9)  # pings alone
+    region.write(2)
+    scenario = centre_scenario()
+    sensors = scenario.sensors()
+    with relayed(4222) as relay, journal(region, f"{SERVER}/{name}") as published:
+        regions = [parsed_region(f"nats://127.0.0.1:{relay.port}/{name}?name=north")]
+        with LiveInput([], sensors, regions=regions, clock="feeds") as source:
+            wait_for(lambda: published.published == 2)
+            source.begin(scenario, sensors, 1, threading.Event(), {})
+            wait_for(lambda: source.feeds()[0]["received"] == 2)
+            relay.lose()
+            region.write(1)
+            wait_for(lambda: source.feeds()[0]["received"] == 3, 10.0)
+            feed = source.feeds()[0]
+    assert (feed["connections"], relay.accepted, feed["dropped"]) == (2, 2, 0)
 
 
 @pytest.mark.parametrize(

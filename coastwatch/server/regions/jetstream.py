@@ -24,7 +24,7 @@ from nats.js.api import AckPolicy, ConsumerConfig, DeliverPolicy, StreamConfig
 from nats.js.errors import NotFoundError
 
 from coastwatch.errors import StoreError
-from coastwatch.server.link import FeedState, Link, Reconnecting, first_line, reason_of
+from coastwatch.server.link import LOST_S, FeedState, Link, Reconnecting, first_line, reason_of
 from coastwatch.server.listeners import woken_by
 from coastwatch.server.regions.client import (
     CLOSE_S,
@@ -46,6 +46,7 @@ POLL_S = 0.5  # how long it is waited for a message before the end of the run is
 TOGETHER = 8  # messages that are asked for at once
 SHORTEST_S = 60.0  # for which a stream keeps a cycle
 FORGOTTEN_S = 300.0  # after which the server forgets a centre that asks for nothing
+PINGS = 2  # without an answer, after which the connection is lost: that is noticed after LOST_S
 QUIET_S = 5.0  # without a message, after which a centre asks whether the server still knows it
 
 
@@ -94,6 +95,8 @@ async def _opened(address: RegionAddress) -> AsyncIterator[Client]:
             max_reconnect_attempts=1,  # here of the first connection
             reconnect_time_wait=0,
             connect_timeout=int(CONNECT_S),
+            ping_interval=LOST_S // (PINGS + 1),
+            max_outstanding_pings=PINGS,
             token=token_of(address),
             user=address.user,
             password=None if address.password_file is None else first_line(address.password_file),
@@ -155,15 +158,15 @@ class Subscription(Connection):
         """
         came_s = time.monotonic()
         while not self._ended.is_set():
+            if not client.is_connected:
+                raise OSError("the connection is lost")
             if len(self._waiting) >= IN_FLIGHT:
                 await asyncio.sleep(POLL_S / 10.0)
                 continue
             with suppress(TimeoutError):  # nats-py raises its own, or that of asyncio
                 for message in await messages.fetch(TOGETHER, timeout=POLL_S):
                     begun, came_s = self._received(message, begun, newest), time.monotonic()
-            if not client.is_connected:
-                raise OSError("the connection is lost")
-            if time.monotonic() - came_s > QUIET_S:
+            if client.is_connected and time.monotonic() - came_s > QUIET_S:
                 await self._still_known(messages)
                 came_s = time.monotonic()
 
