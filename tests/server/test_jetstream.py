@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import store_world
 from region_world import PERIOD_S, START_S, VESSELS, Region, centre_scenario
 from relay_world import relayed
 from server_world import listening, wait_for
@@ -25,6 +26,7 @@ from coastwatch.operators.cli import make_parser
 from coastwatch.operators.cli.serving import serve
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.regions.client import parsed_region
+from coastwatch.server.troubles import of_outs
 from coastwatch.store import open_store
 
 pytestmark = pytest.mark.whole
@@ -75,6 +77,15 @@ def journal(region: Region, address: str) -> Any:
 
     assert region.service.publisher is not None
     return Journal(parsed_region(address), region.service.publisher, KEEP_S)
+
+
+def stopped_after(seconds: float) -> threading.Event:
+    """An event that is set after a time, so that no wait is endless."""
+    stop = threading.Event()
+    timer = threading.Timer(seconds, stop.set)
+    timer.daemon = True
+    timer.start()
+    return stop
 
 
 def cycles(address: str, positions: dict[str, tuple[str, int]], wanted: int) -> tuple[list[Any], list[Any], dict[str, Any]]:
@@ -272,6 +283,36 @@ def test_a_link_that_carries_nothing_more_is_noticed_and_made_again(
             wait_for(lambda: source.feeds()[0]["received"] == 3, 10.0)
             feed = source.feeds()[0]
     assert (feed["connections"], relay.accepted, feed["dropped"]) == (2, 2, 0)
+
+
+def test_two_regions_of_one_name_are_a_trouble_of_both_and_of_their_centre(region: Region, name: str, tmp_path: Path) -> None:
+    scenario = centre_scenario()
+    sensors = scenario.sensors()
+    with (
+        open_store(str(tmp_path / "other.db")) as opened,
+        LiveInput([], sensors, regions=[parsed_region(f"{SERVER}/{name}?name=north")], clock="feeds") as source,
+    ):
+        store_world.begin(opened)  # so that its run has another number
+        other = Region(opened)
+        region.write(1)
+        with journal(region, f"{SERVER}/{name}") as one:
+            wait_for(lambda: one.published == 1)
+            source.begin(scenario, sensors, 1, threading.Event(), {})
+            other.cycles = 40
+            with journal(other, f"{SERVER}/{name}") as two:
+                for number in range(1, 6):
+                    for of, writes in ((region, one), (other, two)):
+                        before = writes.published
+                        of.write(1)
+                        wait_for(lambda writes=writes, before=before: writes.published > before)
+                    assert source.wait(START_S + (number + 1) * PERIOD_S, stopped_after(5.0))
+                    source.between(START_S + number * PERIOD_S, START_S + (number + 1) * PERIOD_S)
+                said = of_outs([one.counters(), two.counters()], 0.0)
+                feed = source.feeds()[0]
+    assert len(said) == 2
+    assert all("of another sender: each region needs a NAME of its own" in trouble.text for trouble in said)
+    assert [text.partition(":")[0] for text in feed["troubles"]] == ["two senders"]
+    assert feed["dropped"] == 0
 
 
 @pytest.mark.parametrize(

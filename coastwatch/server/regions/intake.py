@@ -24,6 +24,9 @@ WITHOUT = "cycle without tracks of the region"
 THROWN_WITHIN_S, LEAST_THROWN, THROWN_SHARE = 60.0, 3, 0.2
 """A region is in trouble when so many of its cycles in so long were late, and this share."""
 
+LEAST_RETURNED = 2
+"""There are two senders when so many changes in so long were to the run before."""
+
 FEWEST_LOOKS = 5
 """Cycles here that are judged in any case, however long they are. A region none of whose cycles was late in them is well again."""
 
@@ -40,7 +43,9 @@ class RegionIntake:
         self._beyond: dict[str, int] = {}  # states of tracks that are none, by kind
         self._waiting: list[RegionCycle] = []
         self._intake: list[Intake] = []
-        self._looks: deque[tuple[float, int, int]] = deque([(now_s(), 0, 0)])  # newest last: when, cycles used, late
+        self._looks: deque[tuple[float, int, int, int]] = deque(
+            [(now_s(), 0, 0, 0)]
+        )  # newest last: when, cycles used, late, runs again
         self._last = connection.incoming.position  # the last cycle that was used
 
     @property
@@ -97,13 +102,17 @@ class RegionIntake:
     def _look(self) -> None:
         """Note the counts, for `troubles`."""
         at_s = now_s()
-        self._looks.append((at_s, self.used, self.late))
+        self._looks.append((at_s, self.used, self.late, self.connection.incoming.returned))
         while len(self._looks) > FEWEST_LOOKS + 1 and self._looks[0][0] < at_s - THROWN_WITHIN_S:
             self._looks.popleft()
 
     def troubles(self) -> list[str]:
-        """What is wrong with the times of its cycles."""
+        """What is wrong with its runs, and with the times of its cycles."""
         looks, sentences = list(self._looks), list[str]()
+        incoming = self.connection.incoming
+        if looks[-1][3] - looks[0][3] >= LEAST_RETURNED:
+            runs = f"{incoming.former.run} and {incoming.position.run}"
+            sentences.append(f"two senders: cycles of the runs {runs} come in turn. Each region needs a name of its own")
         if not self._checked:
             return sentences
         if self._ahead_s > FAR_AHEAD_S:

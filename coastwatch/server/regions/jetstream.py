@@ -10,6 +10,7 @@ import asyncio
 import ssl
 import threading
 import time
+from collections import deque
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
@@ -47,6 +48,7 @@ TOGETHER = 8  # messages that are asked for at once
 SHORTEST_S = 60.0  # for which a stream keeps a cycle
 FORGOTTEN_S = 300.0  # after which the server forgets a centre that asks for nothing
 PINGS = 2  # without an answer, after which the connection is lost: that is noticed after LOST_S
+OTHERS_S, LEAST_OTHERS = 60.0, 3  # so many messages of other senders in so long are a trouble: a restart leaves fewer
 QUIET_S = 5.0  # without a message, after which a centre asks whether the server still knows it
 
 
@@ -228,6 +230,10 @@ class Journal(Link):
     error: str | None = field(default="not connected yet", kw_only=True)
     published: int = 0  # cycles
     missing: int = 0  # cycles that the journal of the region did not have any more
+    _sequence: int = 0  # of the last message in the stream
+    _others: deque[tuple[float, int]] = field(
+        default_factory=lambda: deque(maxlen=100)
+    )  # when, messages of other senders before it
     _ended: threading.Event = field(default_factory=threading.Event)
     _thread: threading.Thread | None = None
 
@@ -243,8 +249,13 @@ class Journal(Link):
 
     def counters(self) -> FeedState:
         """Its state for operators, as of a feed."""
+        others = sum(count for when_s, count in list(self._others) if time.monotonic() - when_s < OTHERS_S)
+        said = f"{others} messages of the last minute in {stream_of(self.address.stream)} are of another sender"
         return self.as_feed(
-            f"out tracks+{self.address.url}/{self.address.stream}", records=self.published, dropped=self.missing
+            f"out tracks+{self.address.url}/{self.address.stream}",
+            records=self.published,
+            dropped=self.missing,
+            troubles=[f"{said}: each region needs a NAME of its own"] if others >= LEAST_OTHERS else [],
         )
 
     async def _publish(self) -> None:
@@ -273,7 +284,9 @@ class Journal(Link):
         except NotFoundError:
             subjects = [f"coastwatch.tracks.{name}.>"]
             await stream.add_stream(StreamConfig(stream_of(name), subjects=subjects, max_age=max(self.keep_s, SHORTEST_S)))
+            self._sequence = 0
             return NOTHING
+        self._sequence = state.last_seq
         if not state.messages:
             return NOTHING
         last = await stream.get_msg(stream_of(name), state.last_seq)
@@ -286,7 +299,11 @@ class Journal(Link):
         for number, part in enumerate(parts, 1):
             headers = {PART: f"{number}/{len(parts)}", "Nats-Msg-Id": f"{cycle.run}/{cycle.seq}/{number}"}
             name = self.address.stream
-            await stream.publish(subject_of(name, cycle), part, stream=stream_of(name), headers=headers)
+            taken = await stream.publish(subject_of(name, cycle), part, stream=stream_of(name), headers=headers)
+            if not taken.duplicate:
+                if (others := taken.seq - 1 - self._sequence) > 0:
+                    self._others.append((time.monotonic(), others))
+                self._sequence = taken.seq
         self.published += 1
         self.moved(len(message))
 
