@@ -41,7 +41,8 @@ class RegionIntake:
         self.newest_s, self.first_s = -math.inf, math.inf
         self.late = self.used = self.without = 0
         self._beyond: dict[str, int] = {}  # states of tracks that are none, by kind
-        self._waiting: list[RegionCycle] = []
+        self._waiting: list[tuple[RegionCycle, float]] = []  # and how long after its end it came
+        self._late_s = 0.0  # how long after its end the newest late cycle came
         self._intake: list[Intake] = []
         self._looks: deque[tuple[float, int, int, int]] = deque(
             [(now_s(), 0, 0, 0)]
@@ -61,14 +62,16 @@ class RegionIntake:
             if self._checked and self._ahead_s > FAR_AHEAD_S:  # its time is that of its arrival
                 self.ahead += 1
                 cycle = replace(cycle, time_s=max(at_s, self.newest_s))
-            self._waiting.append(cycle)
+            self._waiting.append((cycle, -self._ahead_s))
             self.newest_s = max(self.newest_s, cycle.time_s)
             self.first_s = min(self.first_s, cycle.time_s)
 
     def reports_between(self, after_s: float, until_s: float) -> TrackReports:
         """The tracks of the cycles that end in a span. Older ones are late: counted and left out."""
-        due = [cycle for cycle in self._waiting if cycle.time_s <= until_s]
-        self._waiting = [cycle for cycle in self._waiting if cycle.time_s > until_s]
+        came = [one for one in self._waiting if one[0].time_s <= until_s]
+        self._waiting = [one for one in self._waiting if one[0].time_s > until_s]
+        due = [cycle for cycle, _ in came]
+        self._late_s = next((late_s for cycle, late_s in reversed(came) if cycle.time_s <= after_s), self._late_s)
         used = [cycle for cycle in due if cycle.time_s > after_s]
         self.late, self.used = self.late + len(due) - len(used), self.used + len(used)
         self.without += not used
@@ -121,8 +124,8 @@ class RegionIntake:
         goes_on = looks[-1][2] > looks[-min(FEWEST_LOOKS + 1, len(looks))][2]
         if goes_on and late >= LEAST_THROWN and late > THROWN_SHARE * (late + used):
             sentences.append(
-                f"{late} of its last {late + used} cycles were left out: the newest came {-self._ahead_s:.0f} s after its end, later than "
-                f"--lateness allows. Its clock may be behind, or its line too slow"
+                f"{late} of its last {late + used} cycles were left out: the newest of them came {self._late_s:.0f} s after its end, "
+                f"later than --lateness allows. Its clock may be behind, or its line too slow"
             )
         return sentences
 
