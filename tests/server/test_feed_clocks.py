@@ -300,6 +300,26 @@ def test_the_cycles_of_a_region_of_a_clock_ahead_are_of_their_arrival_counted_an
     assert (trouble.name, f"{ahead_s:.0f} s ahead" in trouble.text) == ("region north", True)
 
 
+def test_a_region_whose_cycles_come_after_their_time_is_a_trouble_until_they_come_in_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    region = Ahead(parsed_region("ws://127.0.0.1:1?name=north"))
+    monkeypatch.setattr(intake, "now_s", lambda: region.now_s)
+    taken, said = RegionIntake(region, 0, True), list[list[str]]()
+    for number in range(1, 41):
+        region.now_s, region.ahead_s = NOW_S + 3.0 * number, -10.0 if number <= 20 else 0.0
+        taken.receive(region.now_s)
+        taken.reports_between(region.now_s - 8.0, region.now_s - 5.0)
+        said.append([one.text for one in of_feeds([{**taken.counters(), "silent_s": 0.0}], region.now_s)])
+    assert said[1] == said[28] == said[-1] == []
+    assert len(said[19]) == len(said[22]) == 1
+    assert "the newest of them came 10 s after its end" in said[22][0], "later ones came in time"
+    assert said[19][0].startswith(
+        "20 of its last 20 cycles were left out: the newest of them came 10 s after its end, later than --lateness"
+    )
+    assert (taken.late, taken.used) == (20, 18)
+
+
 def stamps(checked: bool = False) -> Stamps:
     return Stamps("x", checked, Tally())
 
