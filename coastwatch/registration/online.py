@@ -62,7 +62,7 @@ SITE_PRIOR_M, SCALE_PRIOR = (
     0.01,
 )  # standard deviations of an error east and north, and of the scale, before anything is known
 LEAST_SCALE = 0.002
-HALVES_SIGMAS = 2.0  # residuals that contradict the estimate by so much halve the memory; twice this make it 17 times shorter
+HALVES_SIGMAS = 3.0  # residuals that contradict the estimate by so much halve the memory; twice this make it 17 times as short
 MOVES_M = 1.0  # from the stated site, between two plots or since the start: a radar on board
 
 
@@ -124,7 +124,7 @@ class OnlineRegistration(Method):
     reference_vessels: Count = 300  # AIS vessels that each radar is compared with, a fixed draw of those in cover
     watch_vessels: Count = 100  # that stay reference vessels of a radar whose bias is found: enough vessels to see a step of it
     azimuth_search_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 20.0  # to each side
-    range_search_m: Positive = 300.0  # to each side
+    range_search_m: Positive = 200.0  # to each side
     bin_deg: Positive = 0.75  # width in azimuth of the bins in which differences are counted
     decision_s: Positive = 15.0  # between two decisions on a radar
     vote_memory_s: Positive = 1800.0  # time constant of the evidence until a bias is found; then 30 to 120 s, for steps
