@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Bools, Floats, Ints, Picture, Rows, SourceKind, Struct, column
+from coastwatch.batches import Array, Bools, Floats, Ints, Picture, Rows, SourceKind, Struct, Tracks, column
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
 from coastwatch.kernels.filters.gaussian import squared_distance
 from coastwatch.kernels.threads import in_blocks
@@ -70,7 +70,7 @@ def match_identities(
         row_before, before.vessel, before.first_vessel, len(columns.vessel_id)
     )
     weight = np.where(given.sensors.source_kinds == SourceKind.AIS, AIS_WEIGHT, 1.0)[tracks.source]
-    vessel_of_group = _settle_votes(groups, previous, first_vessel, weight, columns, time_s)
+    vessel_of_group = _settle_votes(groups, previous, first_vessel, weight, tracks, columns, time_s)
 
     is_free = remembered[: len(known.shown) + len(known.hidden)] != kernels.identity.match.AS_PREVIOUS
     is_free[vessel_of_group[(vessel_of_group >= 0) & (vessel_of_group < len(is_free))]] = False
@@ -101,9 +101,13 @@ def match_identities(
 
 
 def _settle_votes(
-    groups: Groups, previous: Rows, first_vessel: Rows, weight: Floats, columns: KnownColumns, time_s: float
+    groups: Groups, previous: Rows, first_vessel: Rows, weight: Floats, tracks: Tracks, columns: KnownColumns, time_s: float
 ) -> Ints:
-    """The vessel of each group by the votes of its tracks, one-to-one, -1 where none. (V,)"""
+    """The vessel of each group by the votes of its tracks, one-to-one, -1 where none. (V,)
+
+    A track that its source follows under another number by now would keep the id of its vessel, and take it along when it ends. So its
+    vote goes to the group of that number.
+    """
     start, _ = groups
     age_s = np.where(np.isfinite(columns.since_s), time_s - columns.since_s, 0.0)
     seniority = SENIORITY_GAIN * age_s / (age_s + SENIORITY_S)
@@ -114,6 +118,9 @@ def _settle_votes(
     group, vessel, gain = (np.concatenate(part) for part in zip(*votes, strict=True))
     contested = kernels.identity.match.settle_uncontested(group, vessel, gain, columns.vessel_id, vessel_of_group)
     group, vessel, gain = group[contested], vessel[contested], gain[contested]
+    heard = tracks.source, tracks.started_s, tracks.updated_s
+    kept, gain = kernels.identity.match.hand_on(group, vessel, gain, groups, previous, seniority, heard)
+    group, vessel, gain = group[kept], vessel[kept], gain[kept]
     chosen = kernels.association.assignment.assign(group, columns.vessel_id[vessel], gain)
     vessel_of_group[group[chosen]] = vessel[chosen]
     return vessel_of_group

@@ -24,6 +24,7 @@ from coastwatch.batches import (
     optional_column,
 )
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
+from coastwatch.kernels.filters.gaussian import squared_distance
 from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.stage import Method, Positive
 from coastwatch.tracks.inputs import ReceivedInput
@@ -35,6 +36,8 @@ MEDIAN_OF_SQUARE = 2.0 * np.log(2.0)  # of the squared length of two normal erro
 SIGMAS_MADE = 6.0  # of one position, in the velocity between two, over the time between them: three standard deviations
 INTERVAL_GAIN = 0.1  # of a cycle, in the interval of a source
 LOST_KEPT_S = 300.0  # for how long tracks that ended are known
+OVERDUE = 0.75  # of its interval: a track that is sent is not silent for longer when another one of its source begins
+SUCCESSOR_GATE = 9.21  # squared distance of a track to the one that it goes on as, of two dimensions: 99 %
 LEAST_SIGMA_M, LEAST_SIGMA_M_S = 1.0, 0.05
 
 
@@ -85,8 +88,8 @@ class ReceivedMemory:
 class ReceivedTracks(Method):
     """The newest state of each track, with its own covariance.
 
-    - A track keeps its id while its source sends its number. After its patience, or after a jump that no vessel makes, the number
-      is of another track. The patience is 2.5 intervals of the track, or of its source, if that is longer than `patience_s`.
+    - A track keeps its id while its source sends its number, and ends where another one goes on with its vessel. After its patience,
+      or an impossible jump, the number is of another track. The patience is 2.5 intervals, if longer than `patience_s`.
     - A track without velocity gets the one between its two newest positions, or over 1 s where they are nearer in time. Its variance
       is that of these positions, with which it goes together.
     - Tracks without covariance get one for the whole source: the median of their squared differences to AIS partners, less the
@@ -133,13 +136,16 @@ class ReceivedTracks(Method):
         usual_s = np.maximum(table.interval_s, interval_s[table.sensor])
         alive = time_s - table.time_s <= np.maximum(sources.patience_s[table.sensor], INTERVALS * usual_s)
         lost = ReceivedTable.join([memory.lost.take(_row_of(table, memory.lost) < 0), table.take(~alive)])
-        lost = lost.take(time_s - lost.time_s <= LOST_KEPT_S)
-        table, fresh = table.take(alive), fresh[alive]
+        table, fresh, usual_s = table.take(alive), fresh[alive], usual_s[alive]
         of_source = np.sqrt(self._variances(before, sources)[0])
         differences = self._compared(before, table.take(fresh), time_s, ais_tracks, of_source)
-        memory = ReceivedMemory(table, differences, next_track, states, dropped, lost, interval_s)
         position_m2, velocity_m2_s2 = self._variances(differences, sources)
-        return memory, self._tracks(table, position_m2[table.sensor], velocity_m2_s2[table.sensor], sensors)
+        tracks = self._tracks(table, position_m2[table.sensor], velocity_m2_s2[table.sensor], sensors)
+        ended = self._renumbered(table, tracks, fresh, usual_s, time_s)
+        lost = ReceivedTable.join([lost, table.take(ended)])
+        lost = lost.take(time_s - lost.time_s <= LOST_KEPT_S)
+        memory = ReceivedMemory(table.take(~ended), differences, next_track, states, dropped, lost, interval_s)
+        return memory, tracks.take(~ended)
 
     def summary(self, memory: ReceivedMemory, sensors: Sensors) -> TrackSourceStates:
         """What is known of each track source after a cycle; empty before the first. Args: memory: as `step` returns it."""
@@ -253,6 +259,41 @@ class ReceivedTracks(Method):
             _appended(before.position_m2, sensor[alike], position[alike]),
             _appended(before.velocity_m2_s2, sensor[alike & given], velocity[alike & given]),
         )
+
+    def _renumbered(self, table: ReceivedTable, tracks: Tracks, fresh: Bools, usual_s: Floats, time_s: float) -> Bools:
+        """Which tracks go on under another number. (N,) Args: tracks: of the table; fresh: (N,) sent in this cycle; usual_s: (N,)."""
+        ended = np.zeros(len(table), np.bool_)
+        silent = ~fresh & (usual_s > 0.0) & (time_s - table.time_s >= OVERDUE * usual_s)
+        young = time_s - table.started_s <= INTERVALS * usual_s + SHORTEST_STEP_S
+        for source in np.unique(table.sensor[silent]).tolist():
+            of_source = table.sensor == source
+            old, new = np.flatnonzero(silent & of_source), np.flatnonzero(young & of_source)
+            old, new = self._nearest(table, time_s, old, new)
+            dt = (table.time_s[new] - table.time_s[old])[:, None]
+            began = table.started_s[new] - table.time_s[old] >= OVERDUE * usual_s[old]
+            expected_deg = offset_deg(table.position_deg[old], dt * tracks.velocity_m_s[old])
+            p = tracks.covariance[old]
+            cross, step_s = p[:, :2, 2:], dt[:, :, None]
+            spread = p[:, :2, :2] + step_s * (cross + p[:, 2:, :2]) + step_s**2 * p[:, 2:, 2:] + tracks.covariance[new, :2, :2]
+            near = squared_distance(difference_m(table.position_deg[new], expected_deg), spread) <= SUCCESSOR_GATE
+            apart_m_s = np.nan_to_num(table.velocity_m_s[new] - table.velocity_m_s[old])
+            ended[old[began & near & (np.hypot(*apart_m_s.T) <= self.partner_m_s)]] = True
+        return ended
+
+    def _nearest(self, table: ReceivedTable, time_s: float, old: Ints, new: Ints) -> tuple[Ints, Ints]:
+        """The pairs of an old and a new row that are each other's nearest, within `partner_m`. (P,), (P,)"""
+        if not len(old) or not len(new):
+            return old[:0], new[:0]
+        from scipy.spatial import cKDTree
+
+        moved_m = (time_s - table.time_s)[:, None] * np.nan_to_num(table.velocity_m_s)
+        now_deg = offset_deg(table.position_deg, moved_m)
+        here, there = earth_centred(now_deg[old]), earth_centred(now_deg[new])
+        nearest = cKDTree(there).query(here, distance_upper_bound=self.partner_m)
+        mine, at = np.flatnonzero(np.isfinite(nearest[0])), np.asarray(nearest[1])
+        back = np.asarray(cKDTree(here).query(there[at[mine]])[1])
+        mine = mine[back == mine]
+        return old[mine], new[at[mine]]
 
     def _tracks(self, table: ReceivedTable, position_m2: Floats, velocity_m2_s2: Floats, sensors: Sensors) -> Tracks:
         n = len(table)

@@ -190,9 +190,33 @@ def inherit(
     row = find(last.vessel_id, key[:, 1])
     age = np.where(row >= 0, time_s - last.since_s[np.maximum(row, 0)], 0.0) if len(last) else np.zeros(len(key))
     gain = votes + 0.5 * age / (age + 60.0)
+    key, gain = _handed_on(key, votes, gain, np.where(known, track_vessel[at], -1), tracks, associations.vessel)
     chosen = assign(key[:, 0], key[:, 1], gain)
     vessel_id[key[chosen, 0]] = key[chosen, 1]
     return vessel_id, home
+
+
+def _handed_on(key: Ints, votes: Floats, gain: Floats, was_in: Ints, tracks: Tracks, group: Ints) -> tuple[Ints, Floats]:
+    """Pairs of group and vessel, and their gains: the votes of groups that are no longer heard go to those with their successors.
+
+    Args: key: (A, 2), votes, gain: (A,) with and without age; was_in: (N,) the vessel of each track, -1 if new; group: (N,) its group.
+    """
+    rows = [np.flatnonzero(group == g) for g in range(int(group.max()) + 1)]
+    after, left = gain.copy(), np.ones(len(key), np.bool_)
+    for a, (old, vessel) in enumerate(key.tolist()):
+        best = -1
+        for b in np.flatnonzero(key[:, 1] == vessel).tolist():
+            new = rows[key[b, 0]]
+            succeeded = all(
+                np.any((tracks.source[new] == tracks.source[n]) & (tracks.started_s[new] > tracks.updated_s[n]))
+                for n in rows[old]
+            )
+            if b != a and succeeded and vessel in was_in[new] and (best < 0 or gain[b] > gain[best]):
+                best = b
+        if best >= 0:
+            left[a] = False
+            after[best] += votes[a]
+    return key[left], after[left]
 
 
 def return_of_the_lost(

@@ -158,6 +158,26 @@ def test_a_vessel_that_turned_away_from_its_track_has_its_id_back(begins_s, more
     assert (1 in out[-1][0].vessel_id[(out[-1][0].flags & Flag.COASTING) == 0]) == returns
 
 
+def test_a_vessel_with_live_ais_keeps_its_id_when_a_source_renumbers_its_track():
+    """The old number is only predicted: it kept the id, and took it along when it ended."""
+    new = [(9, 0, 1, 0.0, -1, 5, 0.0, 60.0), (9, 0, 0, 0.0, -1, 5, 0.0, 60.0)]  # beside the vessel, then in it
+    lost = [[(1, 0, vessel, 0.0, -1, 5, 3.0 * k), AIS, new[vessel]] for k, vessel in ((1, 0), (2, 0), (3, 1), (4, 1), (5, 1))]
+    out = play([[RADAR, AIS]] * 20 + lost + [[new[1], AIS]] * 5)
+    assert {members.vessel_id[members.track_id == AIS[0]].tolist()[0] for _, members in out} == {1}
+    assert out[-1][1].vessel_id.tolist() == [1, 1]
+
+
+@pytest.mark.parametrize(("began_s", "kept"), [(60.0, 1), (0.0, 2)])
+def test_a_ship_that_changes_its_mmsi_under_radar_keeps_its_id(began_s, kept):
+    """Not where the other AIS was heard beside it before: then radar has gone to another ship."""
+    other = [(8, 2, vessel, 0.0, 235000002, 5, 0.0, began_s) for vessel in (1, 0)]
+    before = [RADAR, AIS] if began_s else [RADAR, AIS, other[0]]
+    silent = [(3, 2, vessel, 0.0, 235000001, 5, 3.0 * k) for k, vessel in ((1, 0), (2, 0), (3, 1), (4, 1))]
+    apart = [[RADAR, track, other[0]] for track in silent[:2]] + [[RADAR, other[1], track] for track in silent[2:]]
+    out = play([before] * 20 + apart + [[RADAR, other[1]]] * 5)
+    assert {members.vessel_id[members.track_id == RADAR[0]].tolist()[0] for _, members in out[-5:]} == {kept}
+
+
 def test_a_track_that_splits_from_its_ais_again_and_again_has_one_id_beside_it():
     """It had a new one at each split: sixty in fifty minutes."""
     apart, together = [RADAR, (3, 2, 1, 0.0, 235000001, 5)], [RADAR, AIS]

@@ -107,6 +107,32 @@ def test_a_track_that_is_sent_slowly_is_kept_for_its_own_intervals() -> None:
     assert alive == [1, 0]
 
 
+@pytest.mark.parametrize(
+    ("north_m", "numbers", "alive"),
+    [
+        (20.0, [9], [9]),  # the vessel under another number
+        (900.0, [9], [5, 9]),  # another vessel
+        (20.0, [5, 9], [5, 9]),  # two ships side by side: both are sent
+        (20.0, [], [5]),  # nothing is sent for a while
+    ],
+)
+def test_a_track_that_goes_on_under_another_number_ends(north_m: float, numbers: list[int], alive: list[int]) -> None:
+    """A source that renumbered its tracks made two vessels of each for as long as its patience."""
+    method, memory = ReceivedTracks(), ReceivedTracks().init()
+    tracks, velocity = Tracks.empty(), np.array([[5.0, 0.0]])
+    for cycle in range(20):
+        now = [5] if cycle < 15 else numbers
+        metres = np.array([[15.0 * cycle, north_m * (number != 5)] for number in now]).reshape(-1, 2)
+        sent = states(3.0 * cycle, now, metres, np.tile(velocity, (len(now), 1)))
+        before = checkpoint.save(memory)
+        after, tracks = method.step(memory, ReceivedInput(sent, 3.0 * cycle + 1.0, sensors(), Tracks.empty()))
+        assert checkpoint.save(memory) == before
+        memory = after
+        if cycle >= 15:
+            assert memory.table.number.tolist() == alive
+            assert len(tracks) == len(alive)
+
+
 def test_an_older_state_changes_nothing_and_order_does_not_matter() -> None:
     method, metres = ReceivedTracks(), np.array([[0.0, 0.0], [50.0, 0.0], [1000.0, 0.0]])
     one, two = states(1.0, [1, 2, 3], metres), states(4.0, [1, 2, 3], metres + 10.0)

@@ -108,3 +108,59 @@ def settle_uncontested(group, vessel, gain, vessel_id, vessel_of_group):  # type
             vessel_of_group[group[begin]] = vessel[best]
         begin = end
     return contested
+
+
+@jit
+def _has_successor(track, group, groups, source, started_s, updated_s):  # type: ignore[no-untyped-def]
+    """Whether a track of the same source in this group began after the newest report of the track."""
+    start, row = groups
+    found = False
+    for k in range(start[group], start[group + 1]):
+        found |= source[row[k]] == source[track] and started_s[row[k]] > updated_s[track]
+    return found
+
+
+@jit
+def _is_succeeded(old, new, vessel, groups, previous, tracks):  # type: ignore[no-untyped-def]
+    """Whether each track of the group `old` has a successor in `new`, which has a track that was in the vessel."""
+    start, row = groups
+    for k in range(start[old], start[old + 1]):
+        if not _has_successor(row[k], new, groups, *tracks):
+            return False
+    was_in = False
+    for k in range(start[new], start[new + 1]):
+        was_in |= previous[row[k]] == vessel
+    return was_in
+
+
+@jit
+def hand_on(group, vessel, gain, groups, previous, seniority, tracks):  # type: ignore[no-untyped-def]
+    """Give the votes of groups that are no longer heard to the groups with their successors.
+
+    A group is succeeded in a vessel by another one that votes for it, if each of its tracks has a successor there: a track of the
+    same source that began after its newest report, as after a source has given its vessel a new number. Of several such groups the
+    one of greatest gain succeeds it, of equals the first.
+    Args:
+        group, vessel, gain: (A,) of `count_votes`; groups, previous, seniority: as there.
+        tracks: source, started_s, updated_s: (N,) of each track.
+    Returns: kept, gain: (A,) which votes are left; their gains.
+    """
+    order = np.argsort(vessel, kind="mergesort")
+    kept, after = np.ones(len(group), np.bool_), gain.copy()
+    begin = 0
+    while begin < len(order):
+        end = begin
+        while end < len(order) and vessel[order[end]] == vessel[order[begin]]:
+            end += 1
+        for i in range(begin, end):
+            old, best = order[i], -1
+            for j in range(begin, end):
+                new = order[j]
+                is_better = best < 0 or gain[new] > gain[best]
+                if i != j and is_better and _is_succeeded(group[old], group[new], vessel[old], groups, previous, tracks):
+                    best = new
+            if best >= 0:
+                kept[old] = False
+                after[best] += gain[old] - seniority[vessel[old]]
+        begin = end
+    return kept, after
