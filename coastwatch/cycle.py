@@ -202,6 +202,7 @@ def run_cycle(
             time_s,
             sensors,
             m.corrections,
+            s.ais_positions.hull_offsets(antennas, time_s),
         )
         registration_memory, corrections = Running(s.registration, m.registration).next(seen)
     with timer("cover"):

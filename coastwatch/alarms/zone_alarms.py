@@ -10,7 +10,6 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -39,6 +38,9 @@ Numbered = tuple[int, "Zone"]
 MOST_POINTS = 1000
 LINE_REACH_M = 5000.0
 """How far from a line the ways are that are compared with it: longer than any way of a cycle."""
+
+EDGE_M = 1.0
+"""A way that touches an edge of a line is found in spite of rounding."""
 
 SIDES = {"both": (-1, 1), "to_left": (-1,), "to_right": (1,)}
 """To which sides a vessel crosses, -1: to the left, by the rule of a line."""
@@ -172,6 +174,15 @@ class Shape:
         return prepared
 
     @cached_property
+    def _edges(self) -> Any:
+        """A tree of the boxes about the edges of a line, each EDGE_M wider than its edge."""
+        from shapely import STRtree, box
+
+        corner = self.chart_m(self.points_deg)
+        low, high = np.minimum(corner[1:], corner[:-1]) - EDGE_M, np.maximum(corner[1:], corner[:-1]) + EDGE_M
+        return STRtree(np.asarray(box(*low.T, *high.T)))
+
+    @cached_property
     def box_deg(self) -> tuple[float, float, float]:
         """South, north, and half the width of a box about all that is inside or within the margin. Degrees."""
         reach_m = self.margin_m + (self.zone.radius_nm or 0.0) * NAUTICAL_MILE_M
@@ -192,22 +203,26 @@ class Shape:
 
         inner, outer = self._prepared
         east, north = self.chart_m(position_deg).T
-        near = np.asarray(contains_xy(outer, east, north))
-        inside = np.zeros(len(near), np.bool_)
-        inside[near] = contains_xy(inner, east[near], north[near])
-        return inside, near | inside
+        inside = np.asarray(contains_xy(inner, east, north))
+        near, others = inside.copy(), np.flatnonzero(~inside)
+        near[others] = contains_xy(outer, east[others], north[others])
+        return inside, near
 
     def crossings(self, from_deg: Floats, to_deg: Floats) -> Ints:
         """How often each way crosses the line to its right, less how often to its left. Args: (K, 2), (K, 2). Returns: (K,).
 
-        A line is seen from its first point on. A position on the line counts as right of it.
+        A line is seen from its first point on. A position on the line counts as right of it. Edges far from a way are not looked at.
         """
-        corner, start, end = self.chart_m(self.points_deg), self.chart_m(from_deg), self.chart_m(to_deg)
-        count = np.zeros(len(start), np.int64)
-        for a, b in pairwise(corner):
-            left_before, left_after = _left_of(a, b, start) > 0.0, _left_of(a, b, end) > 0.0
-            between = (_left_of(start, end, a) > 0.0) != (_left_of(start, end, b) > 0.0)
-            count += np.where(between, left_before.astype(np.int64) - left_after.astype(np.int64), 0)
+        from shapely import box
+
+        begins, ends = self.chart_m(from_deg), self.chart_m(to_deg)
+        way, edge = self._edges.query(box(*np.minimum(begins, ends).T, *np.maximum(begins, ends).T))
+        corner, start, end = self.chart_m(self.points_deg), begins[way], ends[way]
+        a, b = corner[edge], corner[edge + 1]
+        left_before, left_after = _left_of(a, b, start) > 0.0, _left_of(a, b, end) > 0.0
+        between = (_left_of(start, end, a) > 0.0) != (_left_of(start, end, b) > 0.0)
+        count = np.zeros(len(begins), np.int64)
+        np.add.at(count, way[between], left_before[between].astype(np.int64) - left_after[between])
         return count
 
     def breaks_speed(self, speed_m_s: Floats, margin_kn: float) -> Bools:
@@ -317,8 +332,7 @@ def zone_alarms(
     )
     speeding, _ = extend(memory.speeding, speeds, seen.frozen, settings.open_s, settings.close_s, time_s)
     by_number = {shape.number: shape for shape in zones}
-    of_zone = np.array([number in by_number for number in inside.subject.tolist()], np.bool_)
-    inside = inside.take(of_zone)  # a zone that was deleted has no vessels
+    inside = inside.take(np.isin(inside.subject, list(by_number)))  # a zone that was deleted has no vessels
     moments = _moments(settings, memory.moments, seen, positions, left, by_number, time_s)
 
     stays = inside.take(inside.open)

@@ -67,6 +67,15 @@ class Tracks(Batch):
 
 
 @dataclass(frozen=True, eq=False)
+class HullOffsets(Batch):
+    """How far AIS positions of large ships may lie from the middle of their echo, sorted by MMSI."""
+
+    mmsi: Ints = column(np.int64, "K")
+    sigma_m: Floats = column(np.float64, "K")  # standard deviation
+    moves: Bools = column(np.bool_, "K")  # from the antenna to the middle of the hull, or back: no fixed distance now
+
+
+@dataclass(frozen=True, eq=False)
 class Measurements(Batch):
     """Plots and AIS reports that went into the Tracks of the same step, sorted by track_id, then time."""
 
@@ -351,6 +360,8 @@ class RadarCorrections(Batch):
     rival_share: Floats = optional_column("R")  # of all evidence, that the best other bias has
     site_error_m: Floats = optional_column("R", 2)  # how far the stated site is east and north of the true one; 0: not known
     site_sigma_m: Floats = optional_column("R", 2)  # NaN where the site is not estimated
+    range_scale: Floats = optional_column("R")  # by which share of themselves its ranges are too long; 0: not known
+    range_scale_sigma: Floats = optional_column("R")  # NaN where it is not estimated
     noise_factor: Floats = optional_column("R", 2)  # times the stated noise that its ranges and azimuths have; 1: as stated
 
     @classmethod
@@ -358,7 +369,7 @@ class RadarCorrections(Batch):
         """No correction for any radar."""
         zero, unknown = np.zeros(radars), np.full(radars, np.nan)
         number, no = np.zeros(radars, np.int64), np.zeros(radars, np.bool_)
-        more = {"site_error_m": np.zeros((radars, 2)), "noise_factor": np.ones((radars, 2))}
+        more = {"site_error_m": np.zeros((radars, 2)), "range_scale": zero, "noise_factor": np.ones((radars, 2))}
         return cls(zero, zero, zero, unknown, unknown, unknown, unknown, number, zero, number, no, **more)
 
 

@@ -83,6 +83,8 @@ class Counts:
     before_run: int = 0  # left out: of an instant before the first cycle of this run
     dropped: int = 0  # left out: more waited for their cycle than there is room for
     repeated: int = 0  # left out: the same as another one
+    set_aside: int = 0  # MMSI that wait for a second report now, beyond the budget of their sender
+    no_room: int = 0  # MMSI that waited for one until there was no room for them
     ledger: Ledger = field(default_factory=Ledger)  # of lines and records, counted where they are cut from what came
     radars: dict[str, VideoState] = field(default_factory=dict)  # that send video, by name
     _began_s: float | None = None

@@ -22,7 +22,7 @@ WHOLE_ENDINGS = ("_id", "_cycle", "_track")
 NUMBERS = {
     "ais_detection", "ais_looks", "compared", "false_plots_per_km2", "plots_per_turn", "track_detection", "track_looks", "turns",
     "detection_probability", "false_plots_a_turn", "lost_share", "plots_a_turn", "threshold_db",
-    "existence", "found_odds", "odds", "residuals", "rival_share", "rows_a_cycle", "share", "statistic",
+    "existence", "found_odds", "range_scale", "range_scale_sigma", "odds", "residuals", "rival_share", "rows_a_cycle", "share", "statistic",
 }  # fmt: skip
 KINDS: dict[str, Kind] = {
     "flags": "flags",
@@ -38,7 +38,7 @@ DIGITS = {
     **dict.fromkeys(("sog_kn", "plots_per_turn"), 2),
     **dict.fromkeys(("statistic", "existence", "ais_detection", "track_detection"), 3),
     **dict.fromkeys(("share", "azimuth_bias_deg", "azimuth_sigma_deg", "azimuth_change_deg"), 4),
-    "false_plots_per_km2": 5,
+    **dict.fromkeys(("false_plots_per_km2", "range_scale", "range_scale_sigma"), 5),
 }
 ENDINGS = {"_deg": 2, "_deg_s": 4, "_m": 1, "_nm": 3, "_kn": 2, "_ms": 3, "_s": 3, "_min": 2}
 OTHER_DIGITS = 6

@@ -141,12 +141,13 @@ def as_json(rows: Rows) -> str:
 
 def as_objects(rows: Rows) -> list[dict[str, object]]:
     """One object per row. An absent value is None, flags are a list of words."""
-    return [{name: _plain(name, value) for name, value in zip(rows.columns, row, strict=True)} for row in rows.rows]
+    plain = [(name, _plain_as(kind_of(name))) for name in rows.columns]
+    return [{name: convert(value) for (name, convert), value in zip(plain, row, strict=True)} for row in rows.rows]
 
 
 def as_vessel(vessel: Vessel, cut: Callable[[Rows], Rows] = lambda rows: rows) -> dict[str, object]:
     """Details, tables and meanings of the statistics of a vessel. Args: cut: leaves out rows of a table."""
-    details = {name: _plain(name, value) for name, value in vessel.details.items()}
+    details = {name: _plain_as(kind_of(name))(value) for name, value in vessel.details.items()}
     tables = {key.replace(" ", "_"): as_objects(cut(rows)) for key, rows in vessel.tables.items()}
     return {**details, **tables, "statistics": {key.replace(" ", "_"): text for key, text in vessel.meanings.items()}}
 
@@ -209,7 +210,8 @@ def as_frame(rows: Rows) -> polars.DataFrame:
     columns = []
     for c, name in enumerate(rows.columns):
         kind = kind_of(name)
-        values = [_plain(name, row[c]) for row in rows.rows]
+        plain = _plain_as(kind)
+        values = [plain(row[c]) for row in rows.rows]
         column = polars.Series(name, values, dtype=types[kind] if kind else None, strict=False)
         if kind == "instant":
             column = column.str.to_datetime(INSTANT, time_unit="us", time_zone="UTC")
@@ -247,10 +249,16 @@ def _absent(value: object) -> bool:
     return value is None or value == "" or (isinstance(value, float) and not math.isfinite(value))
 
 
-def _plain(name: str, value: object) -> object:
-    """A value for JSON and Parquet."""
-    if kind_of(name) == "flags" and isinstance(value, str):
-        return value.split()
+def _plain_as(kind: Kind | None) -> Callable[[object], object]:
+    """What makes the value for JSON and Parquet of a value of a column. Args: kind: of the column."""
+    return _words if kind == "flags" else _finite
+
+
+def _words(value: object) -> object:
+    return value.split() if isinstance(value, str) else _finite(value)
+
+
+def _finite(value: object) -> object:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

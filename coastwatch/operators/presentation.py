@@ -40,13 +40,14 @@ ENDS = {
 ERRORS = (
     ("azimuth_bias_deg", "azimuth_sigma_deg"),
     ("range_bias_m", "range_sigma_m"),
+    ("range_scale", "range_scale_sigma"),
     ("time_lag_s", ""),
     ("estimated_lag_s", "lag_sigma_s"),
     ("site_east_m", "site_sigma_m"),
     ("site_north_m", ""),
 )
 """Registration errors of a sensor and their standard deviations. A lag is subtracted only once it is accurate.
-That of the site is known for radars alone whose stated place seems to be wrong."""
+Those of scale and site are known where they seem to be wrong alone."""
 
 
 STATISTICS = {

@@ -53,6 +53,8 @@ class PolarConversion(Method):
             for by_name in (self.time_lag_s, self.range_bias_m, self.azimuth_bias_deg)
         )
         distance = np.maximum(kept.range_m - (bias_m + corrections.range_bias_m)[radar], 0.0)
+        if corrections.range_scale.any():
+            distance /= 1.0 + corrections.range_scale[radar]
         azimuth = np.radians(kept.azimuth_deg) - (np.radians(bias_deg) + corrections.azimuth_bias_rad)[radar]
         row, sigma = _sigmas(kept, sensors, corrections)
         origin = sensors.region_origin_deg[radars.region if row is radar else radars.region[radar]]

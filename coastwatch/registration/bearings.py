@@ -92,7 +92,7 @@ def bearing_equations(waiting: WaitingPlots, given: RegistrationInput) -> tuple[
     return waiting.take(~used), Equations(
         radar=radar,
         reference=bearing_tracks.track_id[bearing],
-        design=np.column_stack([zero, zero, -rate / sigma, zero, zero]),
+        design=np.column_stack([zero, zero, -rate / sigma, zero, zero, zero]),
         offset=np.column_stack([zero, np.full(len(plot), CONSTANT_SIGMAS)]),
         value=(residual - rate * waiting.taken_lag_s[plot]) / sigma,
         weight=np.ones(len(plot)),

@@ -1,9 +1,10 @@
-"""Tracking: azimuth bias, range bias, time lag and wrong site of each radar by robust recursive least squares.
+"""Tracking: azimuth and range bias, time lag, wrong site and scale of range of each radar by robust recursive least squares.
 
 Residuals of one vessel share an offset: its antenna is not where its echo is, and its AIS track errs for a while. The offset is
 marginalised, so that a hundred plots of one vessel are little more than one.
 
-The site is estimated only where the other three cannot explain the residuals: vessels to one side hardly tell a site from a range bias.
+The last two are estimated only where the other three cannot explain the residuals: vessels to one side, or at one distance, hardly tell
+them from a range bias.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch.batches import Batch, Bools, Floats, Ints, column
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.registration.references import summed_by_vessel
 
 REWEIGHTINGS = 4  # weights change in the third digit after three
@@ -23,22 +25,23 @@ DRIFT_SIGMAS = 4.0  # exceeded by chance once in 16,000 cycles
 DRIFT_OFFSET = 0.1  # standard deviation that newest residuals of one reference share, of the azimuth noise
 LEAST_COUNT = 0.02  # plots: a vessel with less left of them is dropped
 PRIOR_VESSELS = 10.0  # vessels that the model's variances count as
-PLAIN = 3  # errors that every radar may have: azimuth, range, lag
-SITE = slice(3, 5)  # the others: of its site, east and north
-SITE_TAKEN, SITE_KEPT = 30.0, 15.0
-"""Squared distance from zero that the error of a site must have, and keep. By chance two degrees exceed 30 once in 3 million."""
+ERRORS = 6
+PLAIN = (0, 1, 2)  # errors that every radar may have: azimuth, range, lag
+SITE, SCALE = (3, 4), (5,)  # the others: its site, east and north; what a longer range is too long by
+TAKEN, KEPT = {SITE: 30.0, SCALE: 25.0}, {SITE: 15.0, SCALE: 12.0}
+"""Squared distance from zero that these must have, and keep. By chance 30 and 25 are exceeded once in 3 and 2 million."""
 
-LEAST_SITE_DISTANCE2 = 5.0  # by the weights of the three other errors: under this the site is not looked at
+LEAST_DISTANCE2 = 5.0  # by the weights of the three other errors: under this they are not looked at
 SUMS = ("design_design", "design_offset", "offset_offset", "design_value", "offset_value", "count", "newest")
 
 
 @dataclass(frozen=True, eq=False)
 class Equations(Batch):
-    """Whitened equations y = H x + D offset + noise of variance 1, with x in (azimuth sigma, range sigma, 1 s, twice range sigma)."""
+    """Whitened equations y = H x + D offset + noise of variance 1, with x in the units of the method."""
 
     radar: Ints = column(np.int64, "M")
     reference: Ints = column(np.int64, "M")  # whose equations share an offset: a vessel under way, or those at rest in a square
-    design: Floats = column(np.float64, "M", 5)  # H
+    design: Floats = column(np.float64, "M", 6)  # H
     offset: Floats = column(np.float64, "M", 2)  # D, of the vessel's offset along and across the beam, in units of their sigma
     value: Floats = column(np.float64, "M")  # y
     weight: Floats = column(np.float64, "M")  # probability that plot and vessel are one
@@ -50,10 +53,10 @@ class Information(Batch):
 
     radar: Ints = column(np.int64, "N")
     reference: Ints = column(np.int64, "N")
-    design_design: Floats = column(np.float64, "N", 5, 5)  # sum of H^T H
-    design_offset: Floats = column(np.float64, "N", 5, 2)  # sum of H^T D
+    design_design: Floats = column(np.float64, "N", 6, 6)  # sum of H^T H
+    design_offset: Floats = column(np.float64, "N", 6, 2)  # sum of H^T D
     offset_offset: Floats = column(np.float64, "N", 2, 2)  # sum of D^T D
-    design_value: Floats = column(np.float64, "N", 5)  # sum of H^T y
+    design_value: Floats = column(np.float64, "N", 6)  # sum of H^T y
     offset_value: Floats = column(np.float64, "N", 2)  # sum of D^T y
     count: Floats = column(np.float64, "N")  # plots
     newest: Floats = column(np.float64, "N", 2)  # of the last seconds, in azimuth: sum of residuals and of weights
@@ -63,14 +66,14 @@ class Drift(NamedTuple):
     """Whether the newest azimuth residuals contradict the estimate: a drift shows here first."""
 
     sigmas: Floats  # (R,) size of their sum in its standard deviations
-    mean: Floats  # (R,) in units of the azimuth's sigma; 0 where it may be chance
+    mean: Floats  # (R,) in units of the azimuth's sigma
 
 
 class Estimate(NamedTuple):
     """Registration errors of each radar, in the units of the equations."""
 
-    mean: Floats  # (R, 5); the site's error is 0 where it is not estimated
-    sigma: Floats  # (R, 5); and this is 0
+    mean: Floats  # (R, 6); those of site and scale are 0 where they are not estimated
+    sigma: Floats  # (R, 6); and these are 0
     references: Ints  # (R,) vessels that determine the bias
     plots: Floats  # (R,)
 
@@ -80,7 +83,7 @@ def add_equations(
 ) -> Information:
     """The information after some equations.
 
-    Args: mean: (R, 5) the estimate, in their units; keep: (R,) factor of the former sums of each radar; keep_newest: of `newest`.
+    Args: mean: (R, 6) the estimate, in their units; keep: (R,) factor of the former sums of each radar; keep_newest: of `newest`.
     """
     factor = dict.fromkeys(SUMS, keep[information.radar]) | {"newest": np.full(len(information), keep_newest)}
     sums = {name: getattr(information, name) for name in SUMS}
@@ -110,80 +113,96 @@ def drift(information: Information, radars: int) -> Drift:
         np.bincount(information.radar, v, radars).astype(np.float64) for v in (total, weight, variance_of_each)
     )
     sigmas = np.abs(of_all) / np.sqrt(np.maximum(variance, 1.0))
-    mean = np.where(sigmas > DRIFT_SIGMAS, of_all / np.maximum(weights, 1.0), 0.0)
-    return Drift(sigmas, mean)
+    return Drift(sigmas, of_all / np.maximum(weights, 1.0))
 
 
-def solve(information: Information, centre: Floats, prior_sigma: Floats, has_site: Bools, least_site: Floats) -> Estimate:
+def solve(information: Information, centre: Floats, prior_sigma: Floats, former: Floats, least: Floats) -> Estimate:
     """The registration errors of each radar and their standard deviations.
 
-    The error of the site is 0 unless it is significant and of some size. Its standard deviation is 0 then, too.
-    Args: centre: (R, 5) mean of the prior; prior_sigma: (R, 5) its standard deviation; has_site: (R,) whose site had an error before;
-    least_site: (R,) a smaller one is not taken, and kept until it is under half of this.
+    Those of the site and of the scale are 0 unless they are significant and of some size. Their standard deviations are 0 then, too.
+    Args: centre: (R, 6) mean of the prior; prior_sigma: (R, 6) its standard deviation; former: (R, 6) errors of the cycle before;
+    least: (R, 6) smaller ones of site and scale are not taken; once taken they are kept until under half of this.
     """
     matrix, vector = _marginalise_offsets(information, centre)
-    first = prior_sigma[:, :PLAIN]
-    plain, _, weight = _least_squares(information, matrix[:, :PLAIN, :PLAIN], vector[:, :PLAIN], first)
-    none = np.zeros((len(centre), 2))
-    estimate = Estimate(
-        np.column_stack([centre[:, :PLAIN] + plain.mean, none]), np.column_stack([plain.sigma, none]), *plain[2:]
-    )
-    normal, right = _summed(information, matrix, vector, weight, prior_sigma)
-    covariance: Floats = np.asarray(np.linalg.inv(normal), np.float64)
-    distance2 = _site_distance2((covariance @ right[:, :, None])[..., 0], covariance)
-    asked = np.flatnonzero(distance2 > LEAST_SITE_DISTANCE2)
-    if not len(asked):
-        return estimate
-    at = np.searchsorted(asked, information.radar)
-    row = np.flatnonzero(asked[np.minimum(at, len(asked) - 1)] == information.radar)
-    mine = replace(information.take(row), radar=at[row])
-    full, covariance, _ = _least_squares(mine, matrix[row], vector[row], prior_sigma[asked])
-    size = np.hypot(*(centre[asked] + full.mean)[:, SITE].T)
-    taken = _site_distance2(full.mean, covariance) > np.where(has_site[asked], SITE_KEPT, SITE_TAKEN)
-    taken &= size > np.where(has_site[asked], 0.5, 1.0) * least_site[asked]
-    full = full._replace(mean=centre[asked] + full.mean)
-    for every, new in zip(estimate, full, strict=True):
-        every[asked[taken]] = new[taken]
-    return estimate
+    every = np.arange(len(centre))
+    estimate, covariance, weight = _least_squares(information, matrix, vector, prior_sigma, every, PLAIN)
+    normal, right = _summed(information.radar, matrix, vector, weight, prior_sigma)
+    crude: Floats = np.asarray(np.linalg.inv(normal), np.float64)
+    mean = (crude @ right[:, :, None])[..., 0]
+    asked = np.flatnonzero(np.maximum(*(_distance2(mean, crude, block) for block in (SITE, SCALE))) > LEAST_DISTANCE2)
+    # First the better one of the two alone, then both, if the other one is significant beside it.
+    over, best = np.zeros((2, len(centre))), [estimate, estimate]
+    for k, block in enumerate((SITE, SCALE)):
+        best[k], covariance, _ = _least_squares(information, matrix, vector, prior_sigma, asked, PLAIN + block)
+        over[k, asked] = _excess(best[k].mean, covariance, block, former[asked], least[asked])
+    for k, other in enumerate((SCALE, SITE)):
+        alone = (over[k] > 0.0) & (over[k] >= over[1 - k])
+        _take(estimate, best[k], asked, alone[asked])
+        rows = np.flatnonzero(alone)
+        both, covariance, _ = _least_squares(information, matrix, vector, prior_sigma, rows, PLAIN + SITE + SCALE)
+        _take(estimate, both, rows, _excess(both.mean, covariance, other, former[rows], least[rows]) > 0.0)
+    return estimate._replace(mean=centre + estimate.mean)
 
 
-def _site_distance2(mean: Floats, covariance: Floats) -> Floats:
-    """The squared distance of the error of the site from zero. (R,) Args: (R, 5), (R, 5, 5)."""
-    site = mean[:, SITE, None]
-    distance2: Floats = (site.swapaxes(1, 2) @ np.linalg.solve(covariance[:, SITE, SITE], site))[:, 0, 0]
+def _take(estimate: Estimate, other: Estimate, rows: Ints, taken: Bools) -> None:
+    """Write rows of another estimate over those of the first. Args: rows: (K,) of its rows; taken: (K,) which of them."""
+    for mine, its in zip(estimate, other, strict=True):
+        mine[rows[taken]] = its[taken]
+
+
+def _excess(mean: Floats, covariance: Floats, block: tuple[int, ...], former: Floats, least: Floats) -> Floats:
+    """By how much the squared distance of some errors from zero exceeds what they need, in shares of it; 0 and less: too little. (K,)"""
+    columns = list(block)
+    has = former[:, columns].any(axis=1)
+    size = np.sqrt((mean[:, columns] ** 2).sum(axis=1))
+    share = _distance2(mean, covariance, block) / np.where(has, KEPT[block], TAKEN[block]) - 1.0
+    return np.where(size > np.where(has, 0.5, 1.0) * least[:, columns].max(axis=1), share, -1.0)
+
+
+def _distance2(mean: Floats, covariance: Floats, block: tuple[int, ...]) -> Floats:
+    """The squared distance of some errors from zero. (K,) Args: (K, 6), (K, 6, 6)."""
+    columns = list(block)
+    of_block = mean[:, columns, None]
+    inverse = np.linalg.solve(covariance[:, columns][:, :, columns], of_block)
+    distance2: Floats = (of_block.swapaxes(1, 2) @ inverse)[:, 0, 0]
     return distance2
 
 
-def _summed(
-    information: Information, matrix: Floats, vector: Floats, weight: Floats, prior_sigma: Floats
-) -> tuple[Floats, Floats]:
-    """Normal matrix (R, k, k) and vector (R, k) of each radar. Args: of each reference, with its weight; prior_sigma: (R, k)."""
+def _summed(radar: Ints, matrix: Floats, vector: Floats, weight: Floats, prior_sigma: Floats) -> tuple[Floats, Floats]:
+    """Normal matrix (R, k, k) and vector (R, k) of each radar. Args: radar, matrix, vector, weight: of each
+    reference; prior_sigma: (R, k).
+    """
     radars, k = prior_sigma.shape
     total_matrix, total_vector = np.zeros((radars, k, k)), np.zeros((radars, k))
     total_matrix[:, range(k), range(k)] = 1.0 / prior_sigma**2
-    np.add.at(total_matrix, information.radar, matrix * weight[:, None, None])
-    np.add.at(total_vector, information.radar, vector * weight[:, None])
+    np.add.at(total_matrix, radar, matrix * weight[:, None, None])
+    np.add.at(total_vector, radar, vector * weight[:, None])
     return total_matrix, total_vector
 
 
 def _least_squares(
-    information: Information, matrix: Floats, vector: Floats, prior_sigma: Floats
+    information: Information, matrix: Floats, vector: Floats, prior_sigma: Floats, rows: Ints, errors: tuple[int, ...]
 ) -> tuple[Estimate, Floats, Floats]:
-    """The errors of each radar less the centre of the prior, their covariance (R, k, k), and the weight of each reference (N,).
+    """Some errors of some radars less the centre of the prior, their covariance (K, 6, 6), and the weight of each reference (N,).
 
     A vessel that contradicts the others counts less. The variances are scaled by how much the vessels differ in fact.
-    Args: matrix, vector: (N, k, k), (N, k) of each reference; prior_sigma: (R, k).
+    Args: matrix, vector: (N, 6, 6), (N, 6) of each reference; prior_sigma: (R, 6); rows: (K,) radars, increasing; errors: columns; the
+    others are 0, with a variance of 0.
     Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 3.4 (recursive least
     squares with a prior); P. J. Huber, E. M. Ronchetti, Robust Statistics, 7.8 (iteratively reweighted).
     """
-    radar, (radars, k) = information.radar, prior_sigma.shape
+    at = find(rows, information.radar)
+    mine, columns = np.flatnonzero(at >= 0), list(errors)
+    radar, radars, k = at[mine], len(rows), len(columns)
+    matrix, vector = matrix[mine][:, columns][:, :, columns], vector[mine][:, columns]
+    prior_sigma = prior_sigma[rows][:, columns]
     weight, error = np.ones(len(radar)), np.zeros((radars, k))
     eigenvalue, axes = np.linalg.eigh(matrix)
     observable = eigenvalue > OBSERVABLE_SHARE * eigenvalue[:, -1:]
     covariance: Floats = np.zeros((radars, k, k))
     distance2 = np.zeros(len(radar))
     for _ in range(REWEIGHTINGS):
-        total_matrix, total_vector = _summed(information, matrix, vector, weight, prior_sigma)
+        total_matrix, total_vector = _summed(radar, matrix, vector, weight, prior_sigma)
         covariance = np.asarray(np.linalg.inv(total_matrix), np.float64)
         error = (covariance @ total_vector[:, :, None])[..., 0]
         residual = vector - (matrix @ error[radar][:, :, None])[..., 0]
@@ -201,18 +220,25 @@ def _least_squares(
     model = covariance * scale[:, None, None]
     sigma = np.sqrt(np.maximum(np.diagonal(model, axis1=1, axis2=2), np.diagonal(sandwich, axis1=1, axis2=2)))
     larger = sigma / np.sqrt(np.diagonal(model, axis1=1, axis2=2))
-    determines_bias = (weight >= 0.5) & (information.design_design[:, 0, 0] > 0.0)
-    estimate = Estimate(
-        error,
-        sigma,
-        np.bincount(radar, determines_bias, radars).astype(np.int64),
-        np.bincount(radar, information.count, radars).astype(np.float64),
+    determines_bias = (weight >= 0.5) & (information.design_design[mine, 0, 0] > 0.0)
+    full_error, full_sigma, full_covariance = (
+        np.zeros((radars, ERRORS)),
+        np.zeros((radars, ERRORS)),
+        np.zeros((radars, ERRORS, ERRORS)),
     )
-    return estimate, model * larger[:, :, None] * larger[:, None, :], weight
+    full_error[:, columns], full_sigma[:, columns] = error, sigma
+    full_covariance[:, np.array(columns)[:, None], columns] = model * larger[:, :, None] * larger[:, None, :]
+    estimate = Estimate(
+        full_error,
+        full_sigma,
+        np.bincount(radar, determines_bias, radars).astype(np.int64),
+        np.bincount(radar, information.count[mine], radars).astype(np.float64),
+    )
+    return estimate, full_covariance, weight
 
 
 def _marginalise_offsets(information: Information, centre: Floats) -> tuple[Floats, Floats]:
-    """Information matrix (N, 5, 5) and vector (N, 5) of each vessel about x less centre, without its offset (variance 1)."""
+    """Information matrix (N, 6, 6) and vector (N, 6) of each vessel about x less centre, without its offset (variance 1)."""
     at = centre[information.radar][:, :, None]
     vector = information.design_value - (information.design_design @ at)[..., 0]
     offset_vector = information.offset_value - (information.design_offset.swapaxes(-1, -2) @ at)[..., 0]

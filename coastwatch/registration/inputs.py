@@ -8,6 +8,7 @@ from coastwatch.batches import (
     AisAlarms,
     BearingAssociations,
     BearingTracks,
+    HullOffsets,
     Measurements,
     Members,
     Picture,
@@ -32,3 +33,4 @@ class RegistrationInput(NamedTuple):
     time_s: float  # end of the cycle
     sensors: Sensors
     corrections: RadarCorrections
+    hulls: HullOffsets = HullOffsets.empty()  # of large ships whose size is known

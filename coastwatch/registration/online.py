@@ -1,4 +1,4 @@
-"""Online registration of radars: azimuth bias, range bias, time lag and error of the site from the AIS vessels that they see."""
+"""Online registration of radars: azimuth and range bias, time lag, site and scale of range from the AIS vessels that they see."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Bools, Floats, Ints, RadarCorrections, RegistrationState, Sensors
+from coastwatch.batches import Bools, Floats, HullOffsets, Ints, RadarCorrections, RegistrationState, Sensors, Tracks
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.kernels.tables.row_numbers import require_rows
@@ -16,6 +16,8 @@ from coastwatch.registration.acquisition import PROBABLE_ODDS, Acquisition, Rule
 from coastwatch.registration.bearings import WaitingPlots, bearing_equations, waiting_plots
 from coastwatch.registration.information import (
     DRIFT_SIGMAS,
+    ERRORS,
+    SCALE,
     SITE,
     Equations,
     Estimate,
@@ -44,16 +46,23 @@ from coastwatch.registration.residuals import (
     EchoShares,
     forgotten,
     plot_equations,
-    site_differences,
+    site_and_scale_differences,
+    site_and_scale_units,
 )
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
 
 JUMP_SIGMAS = 2.0  # of a plot: a correction that changes by more leaves tracks in the wrong place
 CANDIDATE_SIGMAS = 0.5  # of the azimuth noise: by which the bias of the most evidence may be off
 TINY = 1e-30
-LAG = 2  # column of the state (azimuth, range, lag, site east, site north)
-IS_LAG = np.arange(5) == LAG
-SITE_PRIOR_M = 100.0  # standard deviation of the error of a site east and north, before anything is known
+LAG = 2  # column of the state (azimuth, range, lag, site east, site north, scale)
+IS_LAG = np.arange(ERRORS) == LAG
+OTHERS = slice(3, 6)  # site and scale
+SITE_PRIOR_M, SCALE_PRIOR = (
+    100.0,
+    0.01,
+)  # standard deviations of an error east and north, and of the scale, before anything is known
+LEAST_SCALE = 0.002
+HALVES_SIGMAS = 3.0  # residuals that contradict the estimate by so much halve the memory; twice this make it 17 times as short
 MOVES_M = 1.0  # from the stated site, between two plots or since the start: a radar on board
 
 
@@ -115,7 +124,7 @@ class OnlineRegistration(Method):
     reference_vessels: Count = 300  # AIS vessels that each radar is compared with, a fixed draw of those in cover
     watch_vessels: Count = 100  # that stay reference vessels of a radar whose bias is found: enough vessels to see a step of it
     azimuth_search_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 20.0  # to each side
-    range_search_m: Positive = 150.0  # to each side
+    range_search_m: Positive = 200.0  # to each side
     bin_deg: Positive = 0.75  # width in azimuth of the bins in which differences are counted
     decision_s: Positive = 15.0  # between two decisions on a radar
     vote_memory_s: Positive = 1800.0  # time constant of the evidence until a bias is found; then 30 to 120 s, for steps
@@ -125,7 +134,7 @@ class OnlineRegistration(Method):
     memory_s: Positive = 300.0  # time constant of the least squares; a drift is followed with this delay
     drift_memory_s: Positive = 30.0  # the same while the newest residuals contradict the estimate
     apply_s: Positive = 10.0  # time constant with which corrections follow the estimate
-    reference_sigma_m: Positive = 5.0  # per axis, of the offset between an AIS position and its echo
+    reference_sigma_m: Positive = 5.0  # per axis, of the offset between an AIS position and its echo; of large ships it is more
     range_prior_m: Positive = 50.0  # standard deviation of a range bias before anything is known
     site_least_m: NotNegative = 10.0  # an error of the site under this is not taken; a large number: none is
     lag_prior_s: Positive = 1.5  # of a lag
@@ -136,7 +145,7 @@ class OnlineRegistration(Method):
     drift_deg_h: NotNegative = 0.5  # growth of the azimuth uncertainty while nothing is compared
 
     def init(self) -> OnlineMemory:
-        none = np.zeros((0, 5))
+        none = np.zeros((0, ERRORS))
         return OnlineMemory.of_radars(0, Estimate(none, none, np.zeros(0, np.int64), np.zeros(0)))
 
     def step(self, memory: OnlineMemory, given: RegistrationInput) -> tuple[OnlineMemory, RadarCorrections]:
@@ -145,8 +154,8 @@ class OnlineRegistration(Method):
         if not len(sensors.radars):
             return memory, corrections
         if len(memory.acquisition) != len(sensors.radars):
-            none = Acquisition.none(len(sensors.radars))
-            estimate = self._solved(Information.empty(), none.centre, none.found, sensors)
+            none = np.zeros((len(sensors.radars), ERRORS))
+            estimate = self._solved(Information.empty(), none[:, :3], none, sensors)
             memory = replace(OnlineMemory.of_radars(len(sensors.radars), estimate), time_s=memory.time_s)
         dt = time_s - memory.time_s if np.isfinite(memory.time_s) else 0.0
         measured = polar_measurements(given.plots, corrections, time_s)
@@ -170,13 +179,14 @@ class OnlineRegistration(Method):
         )
         acquired, found = acquisition.acquired, acquisition.found & ~acquisition.acquired
         information = memory.information.take(~acquired[memory.information.radar])
-        memory_s = np.where(self._drifts(information, acquisition, memory.estimate), self.drift_memory_s, self.memory_s)
+        memory_s = self._memory_s(information, acquisition, memory.estimate)
         shares = forgotten(memory.shares.take(~acquired[memory.shares.radar]), np.exp(-dt / memory_s))
-        pairs = pairs.take(found[pairs.radar])
-        shares, equations = plot_equations(
-            given, measured, pairs, vessels.tracks, group, shares, memory.estimate, self.reference_sigma_m
-        )
-        equations.design[_moves(swept, sensors)[equations.radar], SITE] = 0.0  # on board: no error of the site stays
+        sigma_m, moves = self._offsets(vessels.tracks, given.hulls)
+        information = information.take(~np.isin(information.reference, group[moves]))
+        pairs = pairs.take(found[pairs.radar] & ~moves[pairs.vessel])
+        shares, equations = plot_equations(given, measured, pairs, vessels.tracks, group, shares, memory.estimate, sigma_m)
+        on_board = _moves(swept, sensors)[equations.radar]
+        equations.design[on_board, SITE[0] : SITE[1] + 1] = 0.0  # no error of their site stays
         waiting = memory.waiting
         if self.use_bearings:
             unsure = memory.estimate.sigma[:, LAG] > self.lag_known_s  # AIS tells more, where there is enough of it
@@ -187,8 +197,8 @@ class OnlineRegistration(Method):
         mean, keep_newest = memory.estimate.mean / self._units(sensors), float(np.exp(-dt / self.drift_memory_s))
         information = add_equations(information, equations, mean, keep, keep_newest)
         quiet_s = np.where(has_equations | acquired, 0.0, memory.quiet_s + dt)
-        has_site = memory.estimate.mean[:, SITE].any(axis=1) & ~acquired
-        estimate = self._solved(information, acquisition.centre, has_site, sensors)
+        former = np.where(acquired[:, None], 0.0, memory.estimate.mean)
+        estimate = self._solved(information, acquisition.centre, former, sensors)
         scatter = memory.scatter
         if self.noise_memory_s > 0.0:
             scatter = scattered(scatter, given, references, alarmed, float(np.exp(-dt / self.noise_memory_s)))
@@ -202,9 +212,9 @@ class OnlineRegistration(Method):
         return Grid(float(np.radians(self.azimuth_search_deg)), self.range_search_m, float(np.radians(self.bin_deg)))
 
     def _units(self, sensors: Sensors) -> Floats:
-        """Units of the state (azimuth, range, lag, site east, site north) in the equations. (R, 5)"""
+        """Units of the state (azimuth, range, lag, site east, site north, scale) in the equations. (R, 6)"""
         azimuth, distance = sensors.radars.azimuth_sigma_rad, sensors.radars.range_sigma_m
-        return np.column_stack([azimuth, distance, np.ones(len(azimuth)), distance, distance])
+        return np.column_stack([azimuth, distance, np.ones(len(azimuth)), site_and_scale_units(distance)])
 
     def _reference_vessels(self, vessels: ComparedVessels, found: Bools) -> Bools:
         """Which vessels are reference vessels: all of a radar whose bias is not found, else a fixed draw. (V,)"""
@@ -231,9 +241,10 @@ class OnlineRegistration(Method):
         speed = np.hypot(vessels.tracks.velocity_m_s[:, 0], vessels.tracks.velocity_m_s[:, 1])
         gate = np.column_stack([GATE_M + speed * lag_s, (GATE_SIGMAS + lag_s) * units[r, 0]])
         at = to_plane(vessels.tracks.position_deg, swept.site_deg[r])
-        by_site = site_differences(np.arctan2(at[:, 0], at[:, 1]), np.hypot(at[:, 0], at[:, 1]))
-        expected = estimate.mean[r][:, [1, 0]] + (by_site * estimate.mean[r][:, None, SITE]).sum(axis=2)
+        by_others = site_and_scale_differences(np.arctan2(at[:, 0], at[:, 1]), np.hypot(at[:, 0], at[:, 1]))
+        expected = estimate.mean[r][:, [1, 0]] + (by_others * estimate.mean[r][:, None, OTHERS]).sum(axis=2)
         centre = np.where(is_reference[:, None], 0.0, expected)
+        wide = np.maximum(wide, np.abs(expected) + gate)  # an error that has grown beyond what is searched is followed
         return Search(centre, np.where(is_reference[:, None], wide, gate))
 
     def _count_looks(
@@ -266,22 +277,34 @@ class OnlineRegistration(Method):
             after.append(count_looks(mine, seen, of_radar, measured.time_s[of_radar.plot], turns, period_s, self._grid()))
         return np.where(at_rest, square, vessels.track_id), tuple(after)
 
-    def _drifts(self, information: Information, acquisition: Acquisition, estimate: Estimate) -> Bools:
-        """Which radars drift: the newest residuals contradict the estimate, and the reference vessels do not contradict them. (R,)"""
+    def _offsets(self, vessels: Tracks, hulls: HullOffsets) -> tuple[Floats, Bools]:
+        """Standard deviation of the distance from each AIS position to its echo, per axis, and whether it changes now. (V,), (V,)"""
+        at = find(hulls.mmsi, vessels.mmsi)
+        sigma_m, moves = np.append(hulls.sigma_m, 0.0)[at], np.append(hulls.moves, False)[at]
+        return np.hypot(self.reference_sigma_m, sigma_m), moves
+
+    def _memory_s(self, information: Information, acquisition: Acquisition, estimate: Estimate) -> Floats:
+        """Time constant of the least squares: shorter, the more the newest residuals contradict the estimate. (R,)
+
+        It is as ever where the reference vessels contradict these residuals.
+        """
         newest = drift(information, len(acquisition))
         to_candidate = acquisition.azimuth_rad - estimate.mean[:, 0]
         contradicted = np.where(np.isfinite(to_candidate), -np.sign(newest.mean) * to_candidate, 0.0)
-        drifts: Bools = (newest.sigmas > DRIFT_SIGMAS) & (contradicted <= 0.5 * self._grid().step_rad)
-        return drifts
+        trusted = (newest.sigmas <= DRIFT_SIGMAS) | (contradicted <= 0.5 * self._grid().step_rad)
+        least_s = self.drift_memory_s * np.minimum(DRIFT_SIGMAS / np.maximum(newest.sigmas, TINY), 1.0)
+        shorter_s = np.maximum(self.memory_s / (1.0 + (newest.sigmas / HALVES_SIGMAS) ** 4), least_s)
+        return np.where(trusted, shorter_s, self.memory_s)
 
-    def _solved(self, information: Information, centre: Floats, has_site: Bools, sensors: Sensors) -> Estimate:
-        """The estimate of each radar in rad, m, s, m and m. Args: centre: (R, 3) of the acquisition; has_site: (R,) before."""
+    def _solved(self, information: Information, centre: Floats, former: Floats, sensors: Sensors) -> Estimate:
+        """The estimate of each radar in rad, m, s, m, m and 1. Args: centre: (R, 3) of the acquisition; former: (R, 6) before."""
         units, n = self._units(sensors), len(centre)
         candidate_sigma = np.hypot(CANDIDATE_SIGMAS * units[:, 0], 0.5 * self._grid().step_rad)
-        alike = self.range_prior_m, self.lag_prior_s, SITE_PRIOR_M, SITE_PRIOR_M
+        alike = self.range_prior_m, self.lag_prior_s, SITE_PRIOR_M, SITE_PRIOR_M, SCALE_PRIOR
         prior = np.column_stack([candidate_sigma, *(np.full(n, sigma) for sigma in alike)])
-        about = np.column_stack([centre, np.zeros((n, 2))])
-        estimate = solve(information, about / units, prior / units, has_site, self.site_least_m / sensors.radars.range_sigma_m)
+        about = np.column_stack([centre, np.zeros((n, 3))])
+        least = np.array([0.0, 0.0, 0.0, self.site_least_m, self.site_least_m, LEAST_SCALE]) / units
+        estimate = solve(information, about / units, prior / units, former / units, least)
         return estimate._replace(mean=estimate.mean * units, sigma=estimate.sigma * units)
 
     def _corrections(
@@ -293,21 +316,23 @@ class OnlineRegistration(Method):
         old = _as_array(before)
         # What is no larger than its deviation is more likely noise than error: shrunk by the positive-part James-Stein rule.
         shrunk = estimate.mean * np.maximum(1.0 - estimate.sigma**2 / np.maximum(estimate.mean**2, TINY), 0.0)
-        has_site = estimate.mean[:, SITE].any(axis=1, keepdims=True)
-        shrunk = np.where(has_site, estimate.mean, shrunk)  # its errors are known together rather than one by one
+        has_others = estimate.mean[:, OTHERS].any(axis=1, keepdims=True)
+        shrunk = np.where(has_others, estimate.mean, shrunk)  # its errors are known together rather than one by one
         target = np.where(locked | IS_LAG, shrunk, old)
         target[estimate.sigma[:, LAG] > self.lag_known_s, LAG] = old[estimate.sigma[:, LAG] > self.lag_known_s, LAG]
         new = old + (target - old) * (1.0 - np.exp(-dt / self.apply_s))
         # A bias smaller than the noise of a plot can wait for a better estimate: a radar that is right is not shifted.
-        centre = np.column_stack([acquisition.centre, np.zeros((len(old), 2))])
+        centre = np.column_stack([acquisition.centre, np.zeros((len(old), 3))])
         at_once = acquired & (np.abs(centre - old) > units) & ~IS_LAG
         new = np.where(at_once, centre, np.where(acquired, old, new))
-        new = np.where(has_site & ~old[:, SITE].any(axis=1, keepdims=True), target, new)
+        begins = ((estimate.mean != 0.0) & (old == 0.0))[:, OTHERS].any(axis=1, keepdims=True)
+        new = np.where(begins & locked, target, new)
         moved = (np.abs(new - old) > JUMP_SIGMAS * units) & ~IS_LAG
         sigma = np.where(locked | ((estimate.plots > 0.0)[:, None] & IS_LAG), estimate.sigma, np.nan)
         quiet = np.radians(self.drift_deg_h) * memory.quiet_s / 3600.0
-        newest = drift(memory.information, len(acquisition)).mean * units[:, 0]
-        sigma[:, 0] = np.sqrt(sigma[:, 0] ** 2 + quiet**2 + newest**2)
+        newest = drift(memory.information, len(acquisition))
+        behind = (newest.mean * units[:, 0]) ** 2 * np.maximum(1.0 - 1.0 / np.maximum(newest.sigmas, 1.0) ** 2, 0.0)
+        sigma[:, 0] = np.sqrt(sigma[:, 0] ** 2 + quiet**2 + behind)
         return RadarCorrections(
             azimuth_bias_rad=new[:, 0],
             range_bias_m=new[:, 1],
@@ -316,8 +341,10 @@ class OnlineRegistration(Method):
             azimuth_sigma_rad=sigma[:, 0],
             range_sigma_m=sigma[:, 1],
             lag_sigma_s=sigma[:, 2],
-            site_error_m=new[:, SITE],
-            site_sigma_m=np.where(has_site, sigma[:, SITE], np.nan),
+            site_error_m=new[:, list(SITE)],
+            site_sigma_m=np.where(sigma[:, list(SITE)] > 0.0, sigma[:, list(SITE)], np.nan),
+            range_scale=new[:, SCALE[0]],
+            range_scale_sigma=np.where(sigma[:, SCALE[0]] > 0.0, sigma[:, SCALE[0]], np.nan),
             references=estimate.references,
             residuals=estimate.plots,
             state=self._state(memory, sigma[:, 0] / units[:, 0], seen),
@@ -347,9 +374,9 @@ class OnlineRegistration(Method):
 
 
 def _as_array(corrections: RadarCorrections) -> Floats:
-    """What is subtracted from the reports of each radar: azimuth rad, range m, lag s, site east and north m. (R, 5)"""
+    """What is taken out of the reports of each radar: azimuth rad, range m, lag s, site east and north m, scale. (R, 6)"""
     plain = corrections.azimuth_bias_rad, corrections.range_bias_m, corrections.time_lag_s
-    return np.column_stack([*plain, corrections.site_error_m])
+    return np.column_stack([*plain, corrections.site_error_m, corrections.range_scale])
 
 
 def _moves(swept: Sweeps, sensors: Sensors) -> Bools:

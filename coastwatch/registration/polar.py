@@ -86,7 +86,7 @@ def polar_measurements(plots: Plots, corrections: RadarCorrections, time_s: floa
     return PolarMeasurements(
         radar=radar,
         time_s=plots.time_s + corrections.time_lag_s[radar],
-        range_m=plots.range_m + corrections.range_bias_m[radar],
+        range_m=plots.range_m * (1.0 + corrections.range_scale[radar]) + corrections.range_bias_m[radar],
         azimuth_rad=plots.azimuth_rad + corrections.azimuth_bias_rad[radar],
         site_m=plots.site_m + corrections.site_error_m[radar],
     )

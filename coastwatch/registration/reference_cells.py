@@ -51,6 +51,11 @@ class Grid:
         """Bins in range and in azimuth."""
         return len(self.range_m), len(self.azimuth_rad)
 
+    def holds(self, range_m: Floats, azimuth_rad: Floats) -> Bools:
+        """Which differences are inside the grid."""
+        held: Bools = (np.abs(range_m) <= self.search_m) & (np.abs(azimuth_rad) <= self.search_rad + AROUND)
+        return held
+
     def bin_of(self, range_m: Floats, azimuth_rad: Floats) -> Ints:
         """Number of the bin of each difference inside the grid."""
         at = np.rint(range_m / RANGE_STEP_M), np.rint(azimuth_rad / self.step_rad)
@@ -135,7 +140,7 @@ def count_looks(
     reference_cell, reference_cells = _reference_cells_of(reference_cells, seen, far)
     new_looks = reference_cells.new_looks.copy()
     new_looks[reference_cell[far & (reference_cell >= 0)]] += turns
-    inside = reference_cell[pairs.vessel] >= 0
+    inside = (reference_cell[pairs.vessel] >= 0) & grid.holds(pairs.range_m, pairs.azimuth_rad)
     new = Hits(
         reference_cell=reference_cell[pairs.vessel[inside]],
         bin=grid.bin_of(pairs.range_m[inside], pairs.azimuth_rad[inside]),

@@ -16,6 +16,7 @@ from coastwatch.registration.references import summed_by_vessel
 GATE_SIGMAS, GATE_M = 4.0, 100.0  # half widths of the gate about the estimate: of the azimuth noise, and in range
 AZIMUTH_OFFSET = 0.2  # of the azimuth noise: standard deviation of what plots near one vessel have in common, wrong ones too
 PRIOR_ECHOES, PRIOR_PAIRS = 1.0, 5.0  # that the share of each vessel begins with
+SCALE_AT_M = 10_000.0
 LEAST_PAIRS = 0.02  # a share of fewer is dropped
 
 
@@ -40,12 +41,13 @@ def plot_equations(
     reference: Ints,
     shares: EchoShares,
     estimate: Estimate,
-    offset_sigma_m: float,
+    offset_sigma_m: Floats,
 ) -> tuple[EchoShares, Equations]:
     """The shares with the pairs of this cycle, and two equations for each pair in the gate of its radar.
 
     The probability that a plot is the vessel's echo is that of a Gaussian about the estimate against an even density over the gate.
-    Args: pairs: of radars whose bias is known; vessels: (V); reference: (V,) whose equations share an offset; estimate: rad, m, s, m, m.
+    Args: pairs: of radars whose bias is known; vessels: (V); reference: (V,) whose equations share an offset; estimate: (R, 6);
+    offset_sigma_m: (V,) between AIS position and echo, per axis.
     Source: A. P. Dempster, N. M. Laird, D. B. Rubin, Maximum likelihood from incomplete data via the EM algorithm, 1977 (mixtures).
     """
     pairs = pairs.take(np.lexsort((measured.azimuth_rad[pairs.plot], measured.time_s[pairs.plot], pairs.vessel)))
@@ -53,7 +55,7 @@ def plot_equations(
     range_noise, azimuth_noise = radars.range_sigma_m[r], radars.azimuth_sigma_rad[r]
     lag_change = estimate.mean[r, 2] - lag_s[r]
     lag_sigma = estimate.sigma[r, 2]
-    by_site = site_differences(measured.azimuth_rad[pairs.plot] - pairs.azimuth_rad, pairs.distance_m)
+    by_site = site_and_scale_differences(measured.azimuth_rad[pairs.plot] - pairs.azimuth_rad, pairs.distance_m)
     by_range, by_azimuth = (by_site * estimate.mean[r, None, 3:]).sum(axis=2).T
     range_residual = pairs.range_m - estimate.mean[r, 1] + pairs.range_rate_m_s * lag_change - by_range
     azimuth_residual = pairs.azimuth_rad - estimate.mean[r, 0] + pairs.azimuth_rate_rad_s * lag_change - by_azimuth
@@ -63,11 +65,12 @@ def plot_equations(
     inside &= pairs.across_variance_m2 < (azimuth_noise * pairs.distance_m) ** 2
 
     p, r = pairs.take(inside), r[inside]
+    offset_sigma = offset_sigma_m[p.vessel]
     range_variance = range_noise[inside] ** 2 + p.range_variance_m2
     azimuth_variance = azimuth_noise[inside] ** 2 + p.across_variance_m2 / p.distance_m**2
-    range_total_variance = range_variance + offset_sigma_m**2 + np.minimum(estimate.sigma[r, 1], offset_sigma_m) ** 2
+    range_total_variance = range_variance + offset_sigma**2 + np.minimum(estimate.sigma[r, 1], offset_sigma) ** 2
     range_total_variance = range_total_variance + (p.range_rate_m_s * lag_sigma[inside]) ** 2
-    azimuth_total_variance = azimuth_variance + (offset_sigma_m / p.distance_m) ** 2
+    azimuth_total_variance = azimuth_variance + (offset_sigma / p.distance_m) ** 2
     azimuth_total_variance = azimuth_total_variance + (p.azimuth_rate_rad_s * lag_sigma[inside]) ** 2
     azimuth_total_variance = azimuth_total_variance + np.minimum(estimate.sigma[r, 0] ** 2, azimuth_variance)
     distance2 = range_residual[inside] ** 2 / range_total_variance + azimuth_residual[inside] ** 2 / azimuth_total_variance
@@ -79,11 +82,11 @@ def plot_equations(
 
     n, zero, lag = len(p), np.zeros(len(p)), lag_s[r]
     range_sigma, azimuth_sigma = np.sqrt(range_variance), np.sqrt(azimuth_variance)
-    site = by_site[inside] * range_noise[inside, None, None]
+    site = by_site[inside] * site_and_scale_units(range_noise[inside])[:, None, :]
     along = np.column_stack([zero, range_noise[inside], -p.range_rate_m_s, site[:, 0]]) / range_sigma[:, None]
     across = np.column_stack([azimuth_noise[inside], zero, -p.azimuth_rate_rad_s, site[:, 1]]) / azimuth_sigma[:, None]
-    along_offset = np.column_stack([offset_sigma_m / range_sigma, zero])
-    across_sigma = np.hypot(offset_sigma_m / p.distance_m, AZIMUTH_OFFSET * azimuth_noise[inside])
+    along_offset = np.column_stack([offset_sigma / range_sigma, zero])
+    across_sigma = np.hypot(offset_sigma / p.distance_m, AZIMUTH_OFFSET * azimuth_noise[inside])
     across_offset = np.column_stack([zero, across_sigma / azimuth_sigma])
     equations = Equations(
         radar=np.concatenate([r, r]),
@@ -99,16 +102,21 @@ def plot_equations(
     return summed_by_vessel(EchoShares.join([shares, new])), equations
 
 
-def site_differences(azimuth_rad: Floats, distance_m: Floats) -> Floats:
-    """How range and azimuth change with the error of the site, stated less true, for vessels seen from there. (A, 2, 2)
+def site_and_scale_differences(azimuth_rad: Floats, distance_m: Floats) -> Floats:
+    """How range and azimuth change with the errors of the site, stated less true, and of the scale, for some vessels. (A, 2, 3)
 
     A radar that is said to stand east of its place has vessels in the east too far away. Rows: range, azimuth in rad; columns: of one
-    metre east, north.
+    metre east, of one north, and of a scale that doubles the range.
     """
-    east, north = np.sin(azimuth_rad), np.cos(azimuth_rad)
-    along = np.column_stack([east, north])
-    across = np.column_stack([north, -east]) / np.maximum(distance_m, 1.0)[:, None]
+    east, north, distance_m = np.sin(azimuth_rad), np.cos(azimuth_rad), np.maximum(distance_m, 1.0)
+    along = np.column_stack([east, north, distance_m])
+    across = np.column_stack([north / distance_m, -east / distance_m, np.zeros(len(east))])
     return np.stack([along, across], axis=1)
+
+
+def site_and_scale_units(range_sigma_m: Floats) -> Floats:
+    """Units in which these errors are estimated: of the size of the range noise, the scale at 10 km. (A, 3)"""
+    return np.column_stack([range_sigma_m, range_sigma_m, range_sigma_m / SCALE_AT_M])
 
 
 def forgotten(shares: EchoShares, keep: Floats) -> EchoShares:

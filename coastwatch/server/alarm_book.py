@@ -196,6 +196,15 @@ class AlarmBook:
         self._listeners.tell()
         return done
 
+    def take_acknowledged(self, run_id: int, found: Iterable[tuple[AlarmKey, Acknowledgement]]) -> None:
+        """Take what the database has, of any server. The first acknowledgement counts."""
+        with self._lock:
+            here = [(self._alarms.get(id_of(key)), by) for key, by in found] if run_id == self.run_id else []
+            news = [_acknowledged(alarm, by) for alarm, by in here if alarm is not None and not alarm.is_acknowledged]
+            self._note([("acknowledged", alarm) for alarm in news])
+        if news:
+            self._listeners.tell()
+
     def acknowledge_all(self, chosen: Beginnings, by: Acknowledgement, slack_s: float) -> int:
         """Acknowledge each alarm of these beginnings that nobody has. Returns: how many. Args: slack_s: starts are given so exactly."""
         with self._lock:

@@ -9,7 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Self, TypeVar
 
@@ -30,7 +30,7 @@ from coastwatch.server.run import Computed, run_scenario
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.troubles import Trouble, of_feeds
 from coastwatch.server.video_health import PlotsOfVideo
-from coastwatch.store import CycleRecord, ForCentres, NoSuchRunError, Written
+from coastwatch.store import CycleRecord, ForCentres, NoSuchRunError, Store, Written
 
 LOG = logging.getLogger("coastwatch.serve")
 OnPicture = Callable[[LivePicture], None]
@@ -138,6 +138,7 @@ class LiveRun:
         self._takes_no_changes = False  # the thread of the run ends
         self._next_writer = threading.Lock()  # while one takes over from the one before
         self._left: deque[Trouble] = deque(maxlen=MOST_LEFT)  # alarms of earlier runs that nobody acknowledged
+        self._acknowledged = store.Seen()  # by any server on the database
         self._begun = False
         self._cycles_before = 0  # when this attempt began
         self._left_out: dict[str, tuple[int, float]] = {}  # by stage: as of Cycle, and the time of the last cycle with any
@@ -282,6 +283,7 @@ class LiveRun:
             LOG.warning(text)
             self._left.append(Trouble("alarms", str(before), clock.now_s(), text, False))
         is_first = before == -1 and point.cycle > 0
+        self._acknowledged = store.Seen()
         self.alarms.begin(run_id, alarms, events.time_s - REPEATED_S if is_first else math.inf)
 
     def behind(self, until_s: float) -> int:
@@ -323,6 +325,12 @@ class LiveRun:
     def refuse_zones(self, refused: Sequence[tuple[str, str]]) -> None:
         """As of `run.Live`."""
         self._refused_zones = tuple(refused)
+
+    def read_acknowledged(self, opened: Store, run_id: int) -> None:
+        """As of `run.Live`."""
+        with suppress(StoreError):
+            found, self._acknowledged = store.acknowledged_since(opened, run_id, self._acknowledged)
+            self.alarms.take_acknowledged(run_id, found)
 
     def note_merged(self, cycles: int) -> None:
         """Count cycles that were merged with the next one."""

@@ -16,6 +16,7 @@ from coastwatch.batches import AisStatics, Array, Floats, Ints, Sensors, SourceK
 from coastwatch.centre import Cycle
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.store import Store, Table
+from coastwatch.store.bbox import Box
 from coastwatch.store.read.picture_queries import COLUMNS, STATIC
 from coastwatch.store.rows import NullableId, motion, source_texts
 from coastwatch.store.write.to_rows import membership, static_rows
@@ -136,9 +137,11 @@ def of_cycle(run_id: int, number: int, cycle: Cycle, sensors: Sensors, statics: 
     return LivePicture(run_id, number, cycle.time_s, own, kind, texts.codes, list(texts.texts), statics)
 
 
-def of_store(opened: Store, run_id: int, cycle: int, time_s: float, at_s: float | None = None) -> LivePicture:
-    """The picture of a run in a database: now, or at an instant. Raises: StoreError."""
-    vessels = store.picture(opened, run_id, at_s)
+def of_store(
+    opened: Store, run_id: int, cycle: int, time_s: float, at_s: float | None = None, bbox: Box | None = None
+) -> LivePicture:
+    """The picture of a run in a database: now, or at an instant; of all vessels, or of those in a box. Raises: StoreError."""
+    vessels = store.picture(opened, run_id, at_s, bbox)
     of_source = {name: KIND_OF_SOURCE[SourceKind[kind.upper()]] for _, name, kind in store.sources(opened, run_id).rows}
     number: dict[str, int] = {}  # of each different text
     codes = np.array([number.setdefault(text or "", len(number)) for text in vessels.array("sources").tolist()], np.int64)

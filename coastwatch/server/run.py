@@ -86,6 +86,10 @@ class Live(Protocol):
         """Take the names of the zones in the database that cannot be watched, each with the reason."""
         ...
 
+    def read_acknowledged(self, opened: Store, run_id: int) -> None:
+        """Take what other servers on the database have acknowledged."""
+        ...
+
     def writer(
         self, run_id: int, watch: Stopwatch, write: Callable[[CycleRecord], Written], idle: Callable[[], None]
     ) -> AbstractContextManager[CycleWriter]:
@@ -300,8 +304,18 @@ class _Run:
         def write(record: CycleRecord) -> Written:
             return store.write_cycle(self.store, self.run_id, record, self.scenario.store)
 
-        if self.live is not None:
-            return self.live.writer(self.run_id, self.watch, write, partial(store.note_running, self.store, self.run_id))
+        if (live := self.live) is not None:
+
+            def write_and_read(record: CycleRecord) -> Written:
+                written = write(record)
+                live.read_acknowledged(self.store, self.run_id)
+                return written
+
+            def idle() -> None:
+                store.note_running(self.store, self.run_id)
+                live.read_acknowledged(self.store, self.run_id)
+
+            return live.writer(self.run_id, self.watch, write_and_read, idle)
         return batch_writer(self.watch, self.scenario.store.overlap and self.store.shared, write)
 
     def lost_workers(self) -> Iterator[Fault]:

@@ -43,8 +43,9 @@ def of_feeds(feeds: Sequence[FeedState], now_s: float) -> list[Trouble]:
 
 
 def of_outs(feeds: Sequence[FeedState], now_s: float) -> list[Trouble]:
-    """Feeds to other systems that are not connected, and to which nothing was sent for as long."""
-    return [
+    """Feeds to other systems that are not connected, and to which nothing was sent for as long; and what they say is wrong."""
+    said = [Trouble("feed", feed["name"], None, text, False) for feed in feeds for text in feed.get("troubles", ())]
+    return said + [
         Trouble(
             "feed",
             feed["name"],

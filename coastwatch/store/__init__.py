@@ -3,8 +3,10 @@
 from coastwatch.store.acknowledgements import Acknowledgement as Acknowledgement
 from coastwatch.store.acknowledgements import AlarmKey as AlarmKey
 from coastwatch.store.acknowledgements import Beginnings as Beginnings
+from coastwatch.store.acknowledgements import Seen as Seen
 from coastwatch.store.acknowledgements import acknowledge as acknowledge
 from coastwatch.store.acknowledgements import acknowledge_all as acknowledge_all
+from coastwatch.store.acknowledgements import acknowledged_since as acknowledged_since
 from coastwatch.store.audit import Change as Change
 from coastwatch.store.audit import changes as changes
 from coastwatch.store.audit import note_change as note_change

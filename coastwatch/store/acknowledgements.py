@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sqlalchemy import ColumnElement, Connection, and_, exists, insert, literal, select, text, update
+from sqlalchemy import ColumnElement, Connection, and_, exists, func, insert, literal, select, text, update
 
-from coastwatch.store.schema.database import Store, writing
+from coastwatch.store.schema.database import Store, reading, writing
 from coastwatch.store.schema.tables import ACKNOWLEDGEMENT, EVENT, EVENT_KEY, same_event
 
 SAME_START_S = 0.0006
 """Starts of events are given to the millisecond."""
+
+CLOCKS_APART_S = 300.0
+"""How far the clocks of servers on one database may differ: acknowledgements that are so much older than the newest may be new."""
 
 
 class AlarmKey(NamedTuple):
@@ -30,6 +33,13 @@ class Acknowledgement(NamedTuple):
     name: str  # of the person
     note: str
     who: str  # name of the token that was used
+
+
+class Seen(NamedTuple):
+    """Up to where the acknowledgements of a run were read."""
+
+    from_s: float = 0.0  # Unix time; those of before are known
+    known: int = 0  # how many there were of that time or later
 
 
 class Beginnings(NamedTuple):
@@ -65,6 +75,23 @@ def acknowledge_all(store: Store, run_id: int, alarms: Beginnings, by: Acknowled
         conditions.append(e.subject == alarms.subject)
     with writing(store) as connection:
         return _acknowledge(connection, and_(*conditions), by)
+
+
+def acknowledged_since(store: Store, run_id: int, seen: Seen) -> tuple[list[tuple[AlarmKey, Acknowledgement]], Seen]:
+    """The acknowledgements of a run that may be new since the last look, by any server, and up to where that is. Raises: StoreError."""
+    a, e = ACKNOWLEDGEMENT.c, EVENT.c
+    since = and_(a.run_id == run_id, a.acknowledged_s >= seen.from_s)
+    with reading(store) as connection:
+        count = connection.scalar(select(func.count()).select_from(ACKNOWLEDGEMENT).where(since)) or 0
+        if count == seen.known:  # most looks: of the index alone
+            return [], seen
+        columns = e.vessel_id, e.kind, e.subject, e.start_s, a.acknowledged_s, a.acknowledged_by, a.note, a.who
+        joined = ACKNOWLEDGEMENT.join(EVENT, same_event(ACKNOWLEDGEMENT, EVENT))
+        rows = connection.execute(select(*columns).select_from(joined).where(since)).all()
+        newest_s = connection.scalar(select(func.max(a.acknowledged_s)).where(since)) or 0.0
+        from_s = max(seen.from_s, newest_s - CLOCKS_APART_S)
+        known = connection.scalar(select(func.count()).where(a.run_id == run_id, a.acknowledged_s >= from_s)) or 0
+    return [(AlarmKey(*row[:4]), Acknowledgement(*row[4:])) for row in rows], Seen(from_s, known)
 
 
 def _acknowledge(connection: Connection, condition: ColumnElement[bool], by: Acknowledgement) -> int:

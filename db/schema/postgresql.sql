@@ -403,6 +403,8 @@ CREATE TABLE sensor_registration (
 	tracks BIGINT,
 	position_sigma_m FLOAT(53),
 	velocity_sigma_m_s FLOAT(53),
+	range_scale FLOAT(53),
+	range_scale_sigma FLOAT(53),
 	site_east_m FLOAT(53),
 	site_north_m FLOAT(53),
 	site_sigma_m FLOAT(53),

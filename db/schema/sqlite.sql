@@ -417,6 +417,8 @@ CREATE TABLE sensor_registration (
 	tracks INTEGER,
 	position_sigma_m FLOAT,
 	velocity_sigma_m_s FLOAT,
+	range_scale FLOAT,
+	range_scale_sigma FLOAT,
 	site_east_m FLOAT,
 	site_north_m FLOAT,
 	site_sigma_m FLOAT,

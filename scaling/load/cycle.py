@@ -17,10 +17,11 @@ import numpy as np
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scores.confusion import Confusion
 from coastwatch.server.timing import date_utc, machine
+from coastwatch.server.writer import STAGE
 from scaling.load import baseline, national
 from scaling.load.options import as_arguments, errors_as_one_line, load_parser
 from scaling.load.progress import report_progress
-from scaling.load.run import CycleResult, Load, run_cycles
+from scaling.load.run import CycleResult, CycleTimes, Load, run_cycles
 
 PERIOD_S = 3.0
 MIB = 2.0**20
@@ -59,10 +60,11 @@ def figures_of(load: Load, cycles: Sequence[CycleResult]) -> dict[str, Any]:
         "tracks": last.tracks,
         "bearing_tracks": last.bearing_tracks,
         "vessels": last.vessels,
-        "stages_s": {stage: summary([t.stages_s[stage] for t in times]) for stage in times[-1].stages_s},
+        "stages_s": stages_of(times),
         "compute_s": summary(compute) | {"share_of_period": median(compute) / PERIOD_S},
         "compute_cpu_s": median(t.compute_cpu_s for t in times),
         "store_cpu_s": summary([t.store_cpu_s for t in times]) | {"mean": mean(t.store_cpu_s for t in times)},
+        "writer_behind_cycles": writer_behind([c.times for c in counted if c.number > 0], load.store),
         "cycle_s": summary(whole) | {"mean": mean(whole), "share_of_period": median(whole) / PERIOD_S},
         "generator_s": median(t.generator_s for t in times),
         "pairs_within_gate": last.pairs_within_gate,
@@ -70,6 +72,17 @@ def figures_of(load: Load, cycles: Sequence[CycleResult]) -> dict[str, Any]:
         "memory_mib": {"now": last.memory_bytes / MIB, "peak": peak / MIB},
         "decisions": {part: counts.as_dict() for part, counts in decisions.items()},
     }
+
+
+def stages_of(times: Sequence[CycleTimes]) -> dict[str, dict[str, float]]:
+    """The times of each stage over the cycles in which it ended: in one with the writer behind no write did."""
+    stages = dict.fromkeys(stage for t in times for stage in t.stages_s)
+    return {stage: summary([t.stages_s[stage] for t in times if stage in t.stages_s]) for stage in stages}
+
+
+def writer_behind(times: Sequence[CycleTimes], url: str) -> int:
+    """In how many cycles no write of an earlier one ended. Args: times: of cycles after the first; url: of the store, or none."""
+    return 0 if url == "none" else sum(STAGE not in t.stages_s for t in times)
 
 
 def summary(seconds: Sequence[float]) -> dict[str, float]:
@@ -100,6 +113,7 @@ def text(figures: dict[str, Any]) -> str:
     )
     if f["store"] != "none":
         lines.append("processor time of the writer: " + ", ".join(f"{k} {1e3 * s:.0f} ms" for k, s in f["store_cpu_s"].items()))
+        lines.append(f"writer behind in {f['writer_behind_cycles']} of {load['cycles']} cycles")
     lines.append(f"{f['pairs_within_gate']} pairs within the gate, {f['rows_written']:.0f} rows written a cycle")
     lines.append(f"memory of all processes: {memory['now']:.0f} MiB (PSS), peak at most {memory['peak']:.0f} MiB")
     lines.append(f"{'decisions':<12}{'F1 %':>9}{'precision':>11}{'recall':>9}{'right':>10}{'missed':>8}{'false':>7}")

@@ -19,11 +19,13 @@ from page import DELTA, FULL, Page
 from server_world import Served, listening
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from coastwatch import store
 from coastwatch.batches import DecidedPath
 from coastwatch.operators import presentation
 from coastwatch.operators.api.application import WEB
 from coastwatch.operators.selection import selected
 from coastwatch.store import Table
+from coastwatch.store.bbox import inside
 
 pytestmark = pytest.mark.whole
 
@@ -151,6 +153,39 @@ def test_the_past_is_answered_from_the_store(served: Served) -> None:
     page = Page()
     assert page.take(served.get("/api/v1/frame?at=2025-06-15T15:06:43Z&bbox=-23,-43.21,-22,-43.185").content) == FULL
     assert page.ids.tolist() == [1, 2]
+
+
+BOXES = [
+    "-23,-43.21,-22,-43.185",
+    "-23,-42,-22,-43.21",
+    "-23,-43.191,-22,-43.195",
+    "-23,-43.191,-22,-179",
+    "-90,-180,90,180",
+    "5,5,6,6",
+]
+
+
+@pytest.mark.parametrize("bbox", BOXES)
+def test_a_box_of_the_past_is_asked_of_the_store_and_answers_as_the_whole_picture_does(
+    served: Served, bbox: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    read = store.picture
+    monkeypatch.setattr(store, "picture", lambda *arguments: asked.append(arguments[2:]) or read(*arguments))
+    at, south_to_east = "at=2025-06-15T15:06:43Z", tuple(float(word) for word in bbox.split(","))
+    whole = served.get(f"/api/v1/picture?{at}").json()
+    places = np.array([[row["latitude_deg"], row["longitude_deg"]] for row in whole["vessels"]])
+    here = [row for row, is_here in zip(whole["vessels"], inside(places, south_to_east), strict=True) if is_here]
+    pages = [served.get(f"/api/v1/picture?{at}&bbox={bbox}&limit=3&offset={first}").json() for first in (0, 3, 6)]
+    assert [row for page in pages for row in page["vessels"]] == here[:9]
+    assert [page["total"] for page in pages] == [len(here)] * 3
+    page = Page()
+    page.take(served.get(f"/api/v1/frame?{at}&bbox={bbox}").content)
+    assert page.ids.tolist() == [row["vessel_id"] for row in here]
+    assert asked[-1][1] == south_to_east, "the store reads the box alone"
+    assert len(asked) <= 2, "once for the whole picture, once for all pages and the frame of the box"
+    by_source = served.get(f"/api/v1/picture?{at}&bbox={bbox}&sources=ilha")
+    assert by_source.status_code == 200, "also where no vessel of the box has that source"
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import argparse
 import csv
 import io
 import json
+import math
 from pathlib import Path
 from typing import IO
 
@@ -214,3 +215,15 @@ def test_alarms_are_red_unless_colour_is_refused_or_the_table_goes_to_a_file(
     export.write(rows, "table", str(tmp_path / "x.txt"))
     assert "\x1b" not in (tmp_path / "x.txt").read_text()
     termcolor.can_colorize.cache_clear()
+
+
+def test_what_a_column_holds_is_looked_up_once_for_all_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(export, "kind_of", lambda name: (asked.append(name), columns.kind_of(name))[1])
+    rows = Rows(("vessel_id", "flags", "sog_kn", "name"), [(1, "dark coasting", 2.5, "A B"), (2, "", math.nan, None)] * 50)
+    expected = [
+        {"vessel_id": 1, "flags": ["dark", "coasting"], "sog_kn": 2.5, "name": "A B"},
+        {"vessel_id": 2, "flags": [], "sog_kn": None, "name": None},
+    ]
+    assert export.as_objects(rows) == expected * 50
+    assert sorted(asked) == sorted(rows.columns)

@@ -105,6 +105,14 @@ def test_plots_of_a_radar_whose_site_is_stated_wrong_are_moved():
     np.testing.assert_allclose(mended.site_m, clean.site_m, atol=0.01)
 
 
+def test_ranges_that_grow_too_fast_are_shortened():
+    clean, given = converted(reports())[1], reports()
+    wrong = np.where(given.sensor == 0, 1.01 * given.range_m + 30.0, given.range_m)
+    found = replace(NOTHING, range_bias_m=np.array([30.0, 0.0]), range_scale=np.array([0.01, 0.0]))
+    mended = converted(replace(given, range_m=wrong), found=found)[1]
+    np.testing.assert_allclose(mended.position_m, clean.position_m, atol=1e-6)
+
+
 def test_a_correction_of_no_radar_is_refused():
     with pytest.raises(ScenarioError, match=r"plots\.azimuth_bias_deg: got radar 'est', needed one of .*'radar-1'"):
         load_scenario("context-driven-100", {"plots.azimuth_bias_deg.est": "1.0"})

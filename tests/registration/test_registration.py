@@ -13,7 +13,7 @@ from radar_world import plots_of, two_radars
 from radar_world import world as ships
 from scipy.stats import chi2
 
-from coastwatch.batches import Plots, RadarCorrections, RegistrationState
+from coastwatch.batches import HullOffsets, Plots, RadarCorrections, RegistrationState, Tracks
 from coastwatch.kernels.tracks.columns import PlotColumns
 from coastwatch.registration import NoRegistration, OnlineRegistration, Registrar
 from coastwatch.registration.polar import polar_measurements
@@ -121,6 +121,26 @@ def test_a_site_that_is_stated_wrong_is_found() -> None:
         assert any(c.jumped[0] and c.site_error_m.any() for c in course), "tracks of displaced plots end"
 
 
+def test_a_range_scale_that_is_wrong_is_found_and_no_constant_taken_for_it() -> None:
+    """One percent was answered with a constant of 70 m +- 4, "settled", and radar positions were 29 m off where 12 was stated."""
+    for number, error in enumerate(
+        ((0.0, 0.0, 0.0, 0.0, 0.0, 0.01), (2.0, 50.0, 1.0, 0.0, 0.0, -0.008), (0, 0, 0, 50.0, 0, 0.01))
+    ):
+        sea = world.Sea(60 + number, errors=(error,))
+        _, given, _ = world.run(OnlineRegistration(), sea, 80)
+        assert given.range_scale[0] == pytest.approx(error[5], abs=SIGMAS * given.range_scale_sigma[0])
+        assert given.range_scale_sigma[0] < 0.0005
+        assert given.range_bias_m[0] == pytest.approx(error[1], abs=SIGMAS * given.range_sigma_m[0])
+        assert given.site_error_m[0] == pytest.approx(error[3:5], abs=LIKE_PLOTS_M)
+
+
+def test_a_range_bias_is_found_up_to_what_is_searched_and_not_cut_there() -> None:
+    """With 150 m searched, one of 170 m was cut to 146 m, "settled"."""
+    for method, bias_m in ((OnlineRegistration(), 200.0), (OnlineRegistration(range_search_m=150.0), 170.0)):
+        _, given, _ = world.run(method, world.Sea(70, errors=((2.0, bias_m, 0.0),)), 60)
+        assert given.range_bias_m[0] == pytest.approx(bias_m, abs=LIKE_PLOTS_M)
+
+
 def test_the_deviation_of_the_site_is_honest() -> None:
     squares = []
     for seed in range(SEEDS):
@@ -139,7 +159,7 @@ def test_no_site_is_moved_where_none_is_wrong() -> None:
         one_side.start_m = np.column_stack([np.abs(one_side.start_m[:, 0]), 0.3 * one_side.start_m[:, 1]])
         for sea in (few, one_side, world.Sea(seed, ais_sigma_m=20.0, errors=((0.0, 0.0, 0.0),))):
             course = world.run(OnlineRegistration(), sea, 60)[2]
-            assert not any(c.site_error_m.any() for c in course)
+            assert not any(c.site_error_m.any() or c.range_scale.any() for c in course)
 
 
 def test_the_site_of_a_radar_on_board_is_not_moved() -> None:
@@ -181,6 +201,41 @@ def test_a_drift_is_followed_and_the_deviation_tells_how_far_behind(rate_deg_h: 
     behind = 5.0 + step * 199 - np.degrees(course[-1].azimuth_bias_rad[0])
     assert 0.0 < behind < 2.0 * rate_deg_h * (method.drift_memory_s + method.apply_s) / 3600.0
     assert behind < SIGMAS * np.degrees(course[-1].azimuth_sigma_rad[0])
+
+
+def test_a_drift_is_no_larger_than_stated() -> None:
+    """The error was 4 times its deviation, which forgot the newest residuals until they contradicted it by four sigma."""
+    for ais in (10, 40):
+        sea = world.Sea(8, ais=ais, vessels=ais + 20)
+        course = world.run(
+            OnlineRegistration(), sea, 200, errors=lambda c: ((5.0 + 6.0 * world.PERIOD_S * c / 3600.0, 0.0, 0.0),)
+        )[2]
+        off = [5.0 + 6.0 * world.PERIOD_S * k / 3600.0 - np.degrees(c.azimuth_bias_rad[0]) for k, c in enumerate(course)]
+        sigma = np.degrees([c.azimuth_sigma_rad[0] for c in course])
+        assert np.mean((np.array(off) / sigma)[100:] ** 2) < 3.5
+
+
+def test_a_step_that_is_smaller_than_what_is_searched_is_followed_within_two_minutes() -> None:
+    """A step of one degree at a noise of 0.3 deg is within two bins of acquisition. Three tenths were left after two minutes."""
+    course = world.run(OnlineRegistration(), world.Sea(7), 101, errors=lambda c: ((5.0 + (c > 60), 0.0, 0.0),))[2]
+    assert 6.0 - np.degrees(course[-1].azimuth_bias_rad[0]) < 0.1
+
+
+def test_ships_that_move_from_antenna_to_middle_are_no_references_meanwhile() -> None:
+    """Twelve ships of 200 to 380 m made a right radar wrong by 25 m and 5 s for ten minutes, and that was "settled"."""
+    sea = world.Sea(82, vessels=14, ais=12, errors=((0.0, 0.0, 0.0),))
+    astern = -80.0 * sea.velocity[:12] / np.hypot(*sea.velocity[:12].T)[:, None]
+
+    def hulls(cycle: int, tracks: Tracks) -> HullOffsets:
+        known = np.full(12, cycle >= 20)
+        return HullOffsets(tracks.mmsi, np.full(12, 25.0), known & (cycle < 50)).take(known)
+
+    _, given, _ = world.run(
+        OnlineRegistration(), sea, 56, shift_m=lambda c: astern * np.clip((40.0 - c) / 20.0, 0.0, 1.0), hulls=hulls
+    )
+    assert np.abs(world.errors_of(given, ((0.0, 0.0, 0.0),))).max() < SIGMAS
+    assert abs(given.range_bias_m[0]) < LIKE_PLOTS_M
+    assert abs(given.time_lag_s[0]) < 0.3
 
 
 def test_a_radar_that_is_turned_is_acquired_again() -> None:

@@ -19,6 +19,10 @@ from coastwatch.scores.confusion import Confusion
 from coastwatch.stage import serial
 from scaling.load import baseline, national, queries, ramp, soak
 from scaling.load import cycle as cycle_command
+from scaling.load.chain import command as chain_command
+from scaling.load.chain.run import Load as ChainLoad
+from scaling.load.chain.run import run_cycles as run_chain_cycles
+from scaling.load.chain.world import Size, build_world
 from scaling.load.processes import memory_bytes, process_tree, processor_s
 from scaling.load.run import ALL, BEARINGS, TRAFFIC, YOUNG, YOUNG_S, Load, decision_counts, pairs_within_gate, run_cycles
 
@@ -241,3 +245,30 @@ def test_a_checkout_can_be_its_own_baseline(monkeypatch: pytest.MonkeyPatch, cap
     figures = json.loads(capsys.readouterr().out)
     for cost in ("compute_wall_s", "compute_cpu_s"):
         assert figures["ratio"][cost] == figures[cost]["this"][0] / figures[cost]["baseline"][0] > 0.0
+
+
+def test_cycles_with_the_writer_behind_are_counted_and_the_store_is_measured_in_the_others() -> None:
+    load = Load(50, 4, 1, store="sqlite://")
+    made = list(run_cycles(replace(load, store="none")))
+    given = [{}, {"store": 2.0}, {}, {"store": 4.0}, {}]
+    cycles = [
+        replace(c, times=replace(c.times, stages_s={**c.times.stages_s, **more})) for c, more in zip(made, given, strict=True)
+    ]
+    figures = cycle_command.figures_of(load, cycles)
+    assert figures["writer_behind_cycles"] == 2
+    assert figures["stages_s"]["store"]["median"] == 3.0
+    assert "writer behind in 2 of 4 cycles" in cycle_command.text(figures)
+
+
+def test_the_chain_counts_them_too() -> None:
+    size = Size(60, 3)
+    load = ChainLoad(size, 1, score=False)
+    made = list(run_chain_cycles(load, build_world(size, {}, 1)))
+    cycles = [
+        replace(c, times=replace(c.times, stages_s={**c.times.stages_s, **more}))
+        for c, more in zip(made, ({}, {"store": 2.0}, {}), strict=True)
+    ]
+    figures = chain_command.figures_of(replace(load, store="sqlite://"), cycles, 3.0, "threads")
+    assert figures["writer_behind_cycles"] == 1
+    assert figures["stages_s"]["store"]["median"] == 2.0
+    assert "writer behind in 1 of 2 cycles" in chain_command.text(figures)

@@ -15,9 +15,11 @@ import pytest
 from feed_world import NAMES, SCENARIO, SEA, SENSORS, deliver, items, put, sentence
 from server_world import Served
 
+from coastwatch.batches import AisReports, Reports
 from coastwatch.formats.decoding import CONFIRMED_BY, FAR_JUMP_S, Stamps
 from coastwatch.formats.intake.faults import Tally
-from coastwatch.formats.nmea.new_vessels import AGREES_M, BURST, BURST_OF_FEED, MOST_WAITING, PER_SECOND, NewVessels
+from coastwatch.formats.nmea import new_vessels
+from coastwatch.formats.nmea.new_vessels import AGREES_M, BURST, BURST_OF_FEED, PER_SECOND, NewVessels
 from coastwatch.operators.api import metrics
 from coastwatch.operators.api.service import Service
 from coastwatch.server.clock import CLOCK, ClockSet, SteadyClock
@@ -298,6 +300,26 @@ def test_the_cycles_of_a_region_of_a_clock_ahead_are_of_their_arrival_counted_an
     assert (trouble.name, f"{ahead_s:.0f} s ahead" in trouble.text) == ("region north", True)
 
 
+def test_a_region_whose_cycles_come_after_their_time_is_a_trouble_until_they_come_in_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    region = Ahead(parsed_region("ws://127.0.0.1:1?name=north"))
+    monkeypatch.setattr(intake, "now_s", lambda: region.now_s)
+    taken, said = RegionIntake(region, 0, True), list[list[str]]()
+    for number in range(1, 41):
+        region.now_s, region.ahead_s = NOW_S + 3.0 * number, -10.0 if number <= 20 else 0.0
+        taken.receive(region.now_s)
+        taken.reports_between(region.now_s - 8.0, region.now_s - 5.0)
+        said.append([one.text for one in of_feeds([{**taken.counters(), "silent_s": 0.0}], region.now_s)])
+    assert said[1] == said[28] == said[-1] == []
+    assert len(said[19]) == len(said[22]) == 1
+    assert "the newest of them came 10 s after its end" in said[22][0], "later ones came in time"
+    assert said[19][0].startswith(
+        "20 of its last 20 cycles were left out: the newest of them came 10 s after its end, later than --lateness"
+    )
+    assert (taken.late, taken.used) == (20, 18)
+
+
 def stamps(checked: bool = False) -> Stamps:
     return Stamps("x", checked, Tally())
 
@@ -363,7 +385,6 @@ def test_a_sender_that_invents_vessels_gets_its_budget_and_the_honest_one_beside
         honest = heard(new, 10**9 + np.arange(10) + 10 * second, float(second), np.zeros((10, 2)), sender=2)
         assert honest.all()
     assert granted <= BURST + PER_SECOND * 100 + 500  # and those that were drawn twice near each other
-    assert len(new._waiting) <= MOST_WAITING
 
 
 def test_a_vessel_beyond_the_budget_is_used_from_the_second_report_on_that_agrees() -> None:
@@ -389,5 +410,31 @@ def test_an_mmsi_that_was_not_heard_for_an_hour_is_new_again() -> None:
     new = NewVessels()
     for hour in range(3):
         heard(new, 10**8 + np.arange(1_000) + 1_000 * hour, 5_000.0 * hour, np.zeros((1_000, 2)))
-    assert len(new._accepted) == 1_000
-    assert math.isfinite(float(new._heard_s.max()))
+    assert len(new._accepted.mmsi) == 1_000
+
+
+def test_vessels_that_wait_for_a_second_report_are_said_and_those_without_room_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    count, now_s = BURST + 1_500, time.time()
+    times_s = np.full(count, now_s)
+    position_deg = np.random.default_rng(1).uniform(-50.0, 50.0, (count, 2))
+    speed, course = np.zeros(count), np.zeros(count)
+    ais = AisReports(times_s, times_s, 300_000_000 + np.arange(count), position_deg, speed, course, np.zeros(count, np.bool_))
+    lines = encoded(replace(Reports.empty(), ais=ais), parsed("ais+listen://x:1"), NAMES)
+    with live("ais+listen://127.0.0.1:0?name=coast") as made:
+        made._feeds[0].look()
+        put(made.ports[0], lines)
+        deliver(made, count)
+        made.between(now_s - 10.0, now_s + 10.0)
+        made._feeds[0].look()
+        (said,) = of_feeds(made.feeds(), now_s)
+        assert said.name == "coast"
+        assert said.text.startswith("1500 MMSI are not in the picture: they are beyond the budget of new ones")
+        monkeypatch.setattr(new_vessels, "MOST_WAITING", 1_000)
+        ahead = replace(ais, mmsi=ais.mmsi + 10_000, time_s=times_s + 11.0, received_s=times_s + 11.0)
+        put(made.ports[0], encoded(replace(Reports.empty(), ais=ahead), parsed("ais+listen://x:1"), NAMES))
+        deliver(made, 2 * count)
+        made.between(now_s + 10.0, now_s + 20.0)
+        made._feeds[0].look()
+        assert any(
+            "were forgotten before their second report: too many wait" in one.text for one in of_feeds(made.feeds(), now_s)
+        )

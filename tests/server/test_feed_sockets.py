@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import socket
 import sys
+import uuid
 from contextlib import ExitStack
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NoReturn
@@ -19,6 +21,7 @@ from feed_world import (
     put_datagrams,
     receiving,
 )
+from relay_world import relayed
 from server_world import wait_for
 
 from coastwatch.errors import AddressError
@@ -26,7 +29,7 @@ from coastwatch.operators.cli.serving import bound
 from coastwatch.server.deployment import NamedFeed
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.sending import _Datagrams
-from coastwatch.server.feeds.transport import LONGEST_LINE, Inbox, _read_stream, _subscribed
+from coastwatch.server.feeds.transport import LONGEST_LINE, Inbox, Receiver, _read_stream, _subscribed
 from coastwatch.server.link import Backoff, notice_loss
 
 pytestmark = pytest.mark.whole
@@ -110,13 +113,63 @@ def test_the_password_of_a_broker_is_the_first_line_without_its_end(tmp_path: Pa
         passwords.append(password)
         raise OSError("no broker")
 
-    monkeypatch.setitem(sys.modules, "aiomqtt", SimpleNamespace(Client=client, MqttError=OSError, TLSParameters=None))
+    monkeypatch.setitem(
+        sys.modules, "aiomqtt", SimpleNamespace(Client=client, Message=str, MqttError=OSError, TLSParameters=None)
+    )
     file = tmp_path / "password"
     for content in (b"s3cret", b"s3cret\nmore\n", b"s3cret\r\nmore\r\n"):
         file.write_bytes(content)
         with pytest.raises(OSError, match="no broker"):
             asyncio.run(_subscribed(Inbox(parsed(f"ais+mqtt://x/ais?user=me&password-file={file}"))))
     assert passwords == 3 * ["s3cret"]
+
+
+@pytest.fixture
+def topic() -> str:
+    """A topic of a broker on this machine."""
+    if find_spec("aiomqtt") is None:
+        pytest.skip("needs the package aiomqtt")
+    try:
+        socket.create_connection(("127.0.0.1", 1883), timeout=1.0).close()
+    except OSError as error:
+        pytest.skip(f"needs an MQTT broker at 127.0.0.1:1883: {error}")
+    return f"test/{uuid.uuid4().hex[:12]}"
+
+
+def publish(topic: str, messages: list[bytes]) -> None:
+    async def send() -> None:
+        from aiomqtt import Client
+
+        async with Client("127.0.0.1", 1883) as client:
+            for message in messages:
+                await client.publish(topic, message, qos=1)
+
+    asyncio.run(send())
+
+
+def test_of_messages_of_a_broker_that_have_no_room_the_oldest_are_dropped_and_counted(
+    topic: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("coastwatch.server.feeds.transport.MOST_ITEMS", 20)
+    with Receiver([parsed(f"ais+mqtt://127.0.0.1:1883/{topic}")]) as receiver:
+        (inbox,) = receiver.inboxes
+        wait_for(lambda: inbox.connected)
+        publish(topic, [b"%d a\r\n%d b" % (number, number) for number in range(60)])
+        wait_for(lambda: inbox.received == 120, 10.0)
+        kept = [line for _, line, _ in inbox.pop_first(1000)]
+        assert len(kept) <= 22
+        assert (kept[-1].rstrip(), inbox.dropped) == (b"59 b", 120 - len(kept))
+
+
+def test_a_broker_that_is_silent_is_noticed(topic: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("coastwatch.server.feeds.transport.LOST_S", 2)
+    with relayed(1883) as relay, Receiver([parsed(f"ais+mqtt://127.0.0.1:{relay.port}/{topic}")]) as receiver:
+        (inbox,) = receiver.inboxes
+        wait_for(lambda: inbox.connected)
+        relay.lose()
+        wait_for(lambda: inbox.connections == 2 and inbox.connected, 10.0)
+        publish(topic, [b"again"])
+        wait_for(lambda: inbox.received == 1, 10.0)
 
 
 def test_a_taken_port_and_an_unknown_radar_are_refused() -> None:

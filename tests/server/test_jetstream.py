@@ -16,7 +16,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import store_world
 from region_world import PERIOD_S, START_S, VESSELS, Region, centre_scenario
+from relay_world import relayed
 from server_world import listening, wait_for
 
 from coastwatch.errors import AddressError, InputError
@@ -24,6 +26,7 @@ from coastwatch.operators.cli import make_parser
 from coastwatch.operators.cli.serving import serve
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.regions.client import parsed_region
+from coastwatch.server.troubles import of_outs
 from coastwatch.store import open_store
 
 pytestmark = pytest.mark.whole
@@ -74,6 +77,15 @@ def journal(region: Region, address: str) -> Any:
 
     assert region.service.publisher is not None
     return Journal(parsed_region(address), region.service.publisher, KEEP_S)
+
+
+def stopped_after(seconds: float) -> threading.Event:
+    """An event that is set after a time, so that no wait is endless."""
+    stop = threading.Event()
+    timer = threading.Timer(seconds, stop.set)
+    timer.daemon = True
+    timer.start()
+    return stop
 
 
 def cycles(address: str, positions: dict[str, tuple[str, int]], wanted: int) -> tuple[list[Any], list[Any], dict[str, Any]]:
@@ -178,6 +190,129 @@ def test_a_quiet_stream_keeps_its_connection_and_forgets_a_centre_that_ends(
     assert (len(found[0]), feed["connections"], feed["error"], len(raised)) == (VESSELS, 1, None, 6)
     consumers = run_with_stream(lambda client: client.jetstream().consumers_info(f"coastwatch-{name}"))
     assert not consumers
+
+
+@pytest.mark.parametrize("how", ["consumer", "stream", "forgotten"])
+def test_a_centre_that_the_server_has_forgotten_goes_on_after_its_last_cycle(
+    region: Region, name: str, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    monkeypatch.setattr("coastwatch.server.regions.jetstream.QUIET_S", 0.1)
+    monkeypatch.setattr("coastwatch.server.regions.jetstream.POLL_S", 0.1)
+    if how == "forgotten":
+        monkeypatch.setattr("coastwatch.server.regions.jetstream.FORGOTTEN_S", 0.3)
+    of_stream, wanted, stop = f"coastwatch-{name}", 24, threading.Event()
+    written = wanted if how == "forgotten" else 3
+    region.write(written)
+
+    def known() -> list[str]:
+        return [one.name for one in run_with_stream(lambda client: client.jetstream().consumers_info(of_stream))]
+
+    async def delete(client: Any) -> None:
+        if how == "stream":
+            await client.jetstream().delete_stream(of_stream)
+        for consumer in known_then if how == "consumer" else []:
+            await client.jetstream().delete_consumer(of_stream, consumer)
+
+    scenario = centre_scenario()
+    sensors = scenario.sensors()
+    regions = [parsed_region(f"{SERVER}/{name}?name=north")]
+    with (
+        journal(region, f"{SERVER}/{name}") as published,
+        LiveInput([], sensors, regions=regions, clock="feeds") as source,
+    ):
+        wait_for(lambda: published.published == written)
+        source.begin(scenario, sensors, 1, threading.Event(), {})
+        wait_for(lambda: source.feeds()[0]["received"] >= 3)
+        known_then = known()
+        assert len(known_then) == 1
+        run_with_stream(delete)
+        region.write(wanted - written)
+        if how == "forgotten":  # the centre waits for another region, and asks for nothing
+            wait_for(lambda: not known())
+        found: list[int] = []
+        late = threading.Timer(20.0, stop.set)
+        late.start()
+        for number in range(wanted):
+            assert source.wait(START_S + (number + 1) * PERIOD_S, stop), f"cycle {number + 1} did not come in time"
+            assert len(source.between(START_S + number * PERIOD_S, START_S + (number + 1) * PERIOD_S).tracks) == VESSELS
+            found += [one.last_seq for one in source.intake()]
+        late.cancel()
+        feed = source.feeds()[0]
+    assert found == list(range(1, wanted + 1))
+    assert (feed["connections"], feed["dropped"], feed["late"]) == (2, 0, 0)
+
+
+def test_a_centre_says_that_its_stream_is_gone_until_it_is_there_again(
+    region: Region, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("coastwatch.server.regions.jetstream.QUIET_S", 0.1)
+    monkeypatch.setattr("coastwatch.server.regions.jetstream.POLL_S", 0.1)
+    region.write(2)
+    scenario = centre_scenario()
+    sensors = scenario.sensors()
+    with LiveInput([], sensors, regions=[parsed_region(f"{SERVER}/{name}?name=north")], clock="feeds") as source:
+        with journal(region, f"{SERVER}/{name}") as published:
+            wait_for(lambda: published.published == 2)
+        source.begin(scenario, sensors, 1, threading.Event(), {})
+        wait_for(lambda: source.feeds()[0]["received"] == 2)
+        run_with_stream(lambda client: client.jetstream().delete_stream(f"coastwatch-{name}"))
+        wait_for(lambda: not source.feeds()[0]["connected"], 10.0)
+        wait_for(lambda: source.feeds()[0]["error"] == f"the server has no stream coastwatch-{name}: the region makes it", 10.0)
+        with journal(region, f"{SERVER}/{name}"):
+            region.write(1)
+            wait_for(lambda: source.feeds()[0]["received"] == 3, 10.0)
+        assert source.feeds()[0]["dropped"] == 0
+
+
+def test_a_link_that_carries_nothing_more_is_noticed_and_made_again(
+    region: Region, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("coastwatch.server.regions.jetstream.LOST_S", 3)
+    monkeypatch.setattr("coastwatch.server.regions.jetstream.QUIET_S", 1e9)  # pings alone
+    region.write(2)
+    scenario = centre_scenario()
+    sensors = scenario.sensors()
+    with relayed(4222) as relay, journal(region, f"{SERVER}/{name}") as published:
+        regions = [parsed_region(f"nats://127.0.0.1:{relay.port}/{name}?name=north")]
+        with LiveInput([], sensors, regions=regions, clock="feeds") as source:
+            wait_for(lambda: published.published == 2)
+            source.begin(scenario, sensors, 1, threading.Event(), {})
+            wait_for(lambda: source.feeds()[0]["received"] == 2)
+            relay.lose()
+            region.write(1)
+            wait_for(lambda: source.feeds()[0]["received"] == 3, 10.0)
+            feed = source.feeds()[0]
+    assert (feed["connections"], relay.accepted, feed["dropped"]) == (2, 2, 0)
+
+
+def test_two_regions_of_one_name_are_a_trouble_of_both_and_of_their_centre(region: Region, name: str, tmp_path: Path) -> None:
+    scenario = centre_scenario()
+    sensors = scenario.sensors()
+    with (
+        open_store(str(tmp_path / "other.db")) as opened,
+        LiveInput([], sensors, regions=[parsed_region(f"{SERVER}/{name}?name=north")], clock="feeds") as source,
+    ):
+        store_world.begin(opened)  # so that its run has another number
+        other = Region(opened)
+        region.write(1)
+        with journal(region, f"{SERVER}/{name}") as one:
+            wait_for(lambda: one.published == 1)
+            source.begin(scenario, sensors, 1, threading.Event(), {})
+            other.cycles = 40
+            with journal(other, f"{SERVER}/{name}") as two:
+                for number in range(1, 6):
+                    for of, writes in ((region, one), (other, two)):
+                        before = writes.published
+                        of.write(1)
+                        wait_for(lambda writes=writes, before=before: writes.published > before)
+                    assert source.wait(START_S + (number + 1) * PERIOD_S, stopped_after(5.0))
+                    source.between(START_S + number * PERIOD_S, START_S + (number + 1) * PERIOD_S)
+                said = of_outs([one.counters(), two.counters()], 0.0)
+                feed = source.feeds()[0]
+    assert len(said) == 2
+    assert all("of another sender: each region needs a NAME of its own" in trouble.text for trouble in said)
+    assert [text.partition(":")[0] for text in feed["troubles"]] == ["two senders"]
+    assert feed["dropped"] == 0
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import sqlite3
 import subprocess
 import sys
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,10 +25,11 @@ from coastwatch.operators.api.service import Service
 from coastwatch.operators.typed import utc
 from coastwatch.scenario import load_scenario
 from coastwatch.server import clock
-from coastwatch.server.alarm_book import Alarm
+from coastwatch.server.alarm_book import Alarm, Chosen
 from coastwatch.server.input import Paced
 from coastwatch.server.live import LiveRun
 from coastwatch.server.live_picture import stored_statics
+from coastwatch.store import AlarmKey
 from coastwatch.store.schema import database
 from coastwatch.store.schema.database import writing
 
@@ -97,6 +99,27 @@ def test_a_zone_that_is_drawn_raises_an_alarm_that_is_sent_acknowledged_and_note
         names = "vessel_id", "kind", "subject", "acknowledged_by", "note"
         said = [kept[rows.columns.index(name)] for name in names]
         assert said == [alarm["vessel_id"], "zone_speed", drawn, "Ana", "called on 16"]
+
+
+def test_an_alarm_that_another_server_on_the_database_acknowledged_waits_here_no_longer(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'live.db'}"
+    scenario = load_scenario("context-driven-100", {"period_s": "0.5", "warmup_s": "0", "cycles": "1000", "input.count": "10"})
+    centre_deg = scenario.area.latitude_deg, scenario.area.longitude_deg
+    with store.open_store(url) as opened, store.open_store(url) as other:
+        service = Service(opened)
+        run = LiveRun(scenario, Paced(), service.receive, database=url, workers=1, resume=False)
+        service.source = run
+        with listening(service, web=tmp_path) as address, run:
+            wait_for(lambda: service.hub.picture is not None, 300.0)  # kernels may be compiled first
+            zone = {"name": "all", "kind": "circle", "centre_deg": centre_deg, "radius_nm": 100.0, "max_speed_kn": 0.5}
+            assert httpx.post(f"http://{address}/api/v1/zones", json=zone, timeout=60.0).status_code == 201
+            waiting = Chosen(unacknowledged=True)
+            wait_for(lambda: run.alarms.alarms(waiting))
+            alarm, by = run.alarms.alarms(waiting)[0], store.Acknowledgement(time.time(), "Ana", "seen", "other")
+            wait_for(lambda: store.acknowledge(other, service.run_id(), AlarmKey(*alarm[:4]), by))
+            wait_for(lambda: alarm.alarm_id not in {one.alarm_id for one in run.alarms.alarms(waiting)}, 20.0)
+            (found,) = [one for one in run.alarms.alarms() if one.alarm_id == alarm.alarm_id]
+    assert (found.acknowledged_by, found.note) == ("Ana", "seen")
 
 
 def test_a_log_that_a_reader_holds_is_said_and_a_run_that_is_deleted_begins_anew(

@@ -74,6 +74,19 @@ def test_gaps_and_another_run_are_counted() -> None:
     assert (centre.missing, centre.repeated, centre.position) == (2, 1, Position("2@b", 1))
 
 
+def test_a_run_that_comes_again_after_another_one_is_of_a_second_sender_and_no_gap() -> None:
+    centre = Incoming()
+    for seq in range(1, 6):
+        assert centre.received(Position("1@a", seq))
+        assert centre.received(Position("1@b", 500 + seq))
+    assert (centre.missing, centre.repeated, centre.returned, centre.position) == (0, 0, 8, Position("1@b", 505))
+    assert not centre.received(Position("1@a", 5))
+    assert centre.received(Position("1@a", 8))
+    assert (centre.missing, centre.repeated) == (2, 1)
+    assert centre.received(Position("2@a", 4))
+    assert (centre.missing, centre.returned) == (5, 9)
+
+
 def test_a_cycle_is_the_same_to_the_bit_after_its_way_and_damaged_ones_are_refused() -> None:
     sent = RegionCycle("7@2026-07-01T12:00:00Z", 12, 1_750_000_000.1, tracks())
     data = encode(sent)

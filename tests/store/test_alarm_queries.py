@@ -67,6 +67,26 @@ def test_the_most_urgent_come_first_and_the_state_is_chosen_before_the_limit(url
         assert vessels(kept.alarms(store, run, Asked("unacknowledged"))) == [5000, 3, 2]
 
 
+def test_acknowledgements_are_read_once_also_where_the_clock_of_a_server_is_behind(url: str) -> None:
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        for number in range(4):
+            world.write(store, run, number)
+            raise_alarms(store, run, number, ["dark"] * 3, first=1000 * number)
+        keys = [AlarmKey(vessel, "dark", 0, world.instant_s(vessel // 1000)) for vessel in (1, 1000, 2000, 3000, 3001)]
+        found, seen = kept.acknowledged_since(store, run, kept.Seen())
+        assert (found, seen) == ([], kept.Seen())
+        at_s = [5000.0, 5100.0, 4900.0, 6000.0, 6000.0]  # the third is by a server whose clock is behind
+        for key, time_s in zip(keys, at_s, strict=True):
+            by = BY._replace(at_s=time_s)
+            assert kept.acknowledge(store, run, key, by)
+            found, seen = kept.acknowledged_since(store, run, seen)
+            assert (key, by) in found
+            assert kept.acknowledged_since(store, run, seen) == ([], seen)
+        assert seen == kept.Seen(6000.0 - 300.0, 2)
+        assert kept.acknowledged_since(store, run + 1, kept.Seen()) == ([], kept.Seen())
+
+
 def test_alarms_that_last_are_whole_and_only_ended_ones_are_limited(url: str) -> None:
     with kept.open_store(url) as store:
         run = world.begin(store)

@@ -258,6 +258,8 @@ def test_every_question(store: Store) -> None:
     assert (fort["site_east_m"], fort["site_north_m"], fort["site_sigma_m"]) == (48.5, -2.0, 0.75)
     assert registered["island"]["azimuth_sigma_deg"] is None
     assert registered["island"]["site_east_m"] is None
+    assert (fort["range_scale"], fort["range_scale_sigma"]) == (0.01, 0.0002)
+    assert registered["island"]["range_scale"] is None
     load = {row["stage"]: row for row in rows("load", cycles=10)}
     assert list(load) == list(world.SECONDS)
     assert load["tracks"]["mean_ms"] == pytest.approx(4.0)

@@ -58,6 +58,20 @@ def sizes(time_s, rows):
     )
 
 
+def test_how_far_a_position_may_be_from_the_echo():
+    """The middle of the hull, and a tenth of the length about it; the antenna where no heading is sent. None while it moves."""
+    method = HullMiddle()
+    memory, _ = method.step(
+        method.init(), (reports(0.0, [1, 2], [90.0, np.nan]), sizes(0.0, [(1, 160, 40, 10, 10), (2, 160, 40, 10, 10)]), 0.0)
+    )
+    for time_s, moves in ((3.0, True), (60.0, True), (100.0, False)):
+        memory, _ = method.step(memory, (reports(time_s, [1, 2], [90.0, np.nan]), AisStatics.empty(), time_s))
+        got = method.hull_offsets(memory, time_s)
+        assert got.mmsi.tolist() == [1, 2]
+        assert got.moves.tolist() == [moves, False]
+        assert got.sigma_m == pytest.approx([20.0, np.hypot(20.0, 60.0)])
+
+
 LARGE, SMALL, UNSAID = (
     (235000003, 280.0, 20.0, 30.0, 12.0),
     (235000002, 7.0, 2.0, 1.5, 1.5),

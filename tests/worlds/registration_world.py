@@ -12,6 +12,7 @@ from coastwatch.batches import (
     BearingAssociations,
     BearingTracks,
     Floats,
+    HullOffsets,
     Ints,
     Measurements,
     Members,
@@ -49,7 +50,7 @@ def sensors(radars: int = 1) -> Sensors:
 
 @dataclass
 class Sea:
-    """A sea with one seed. Errors are one row a radar: azimuth deg, range m, lag s, and east and north m of the stated site if any."""
+    """A sea with one seed. Errors are one row a radar: azimuth deg, range m, lag s; stated site east, north m; scale."""
 
     seed: int
     vessels: int = 60
@@ -83,8 +84,9 @@ class Sea:
         """The plots of a cycle with the corrections taken out."""
         where, parts = sensors(self.radars), []
         site = np.column_stack([np.zeros(self.radars), 4000.0 * np.arange(self.radars)])
-        for r, (bias_deg, bias_m, lag_s, *off_m) in enumerate(self.errors if errors is None else errors):
-            true_site, taken_site = site[r] - (off_m or 0.0), site[r] - given.site_error_m[r]
+        for r, (bias_deg, bias_m, lag_s, *others) in enumerate(self.errors if errors is None else errors):
+            east_m, north_m, scale = [*others, 0.0, 0.0, 0.0][:3]
+            true_site, taken_site = site[r] - [east_m, north_m], site[r] - given.site_error_m[r]
             rng = np.random.default_rng([self.seed, 2, cycle, r])
             beam = START_S + PERIOD_S * cycle + rng.uniform(0, PERIOD_S, self.vessels)
             run = np.column_stack([self.moves_m_s * (beam - START_S), np.zeros(self.vessels)])
@@ -94,7 +96,8 @@ class Sea:
             at, beam = np.concatenate([at[seen], false]), np.concatenate([beam[seen], beam[: self.clutter]])
             run = np.concatenate([run[seen], run[: self.clutter]])
             noise = rng.standard_normal((len(at), 2))
-            distance = np.hypot(at[:, 0], at[:, 1]) + RANGE_SIGMA_M * noise[:, 0] + bias_m - given.range_bias_m[r]
+            measured = np.hypot(at[:, 0], at[:, 1]) * (1.0 + scale) + RANGE_SIGMA_M * noise[:, 0] + bias_m
+            distance = (measured - given.range_bias_m[r]) / (1.0 + given.range_scale[r])
             azimuth = np.arctan2(at[:, 0], at[:, 1]) + AZIMUTH_SIGMA * noise[:, 1] + np.radians(bias_deg)
             azimuth = azimuth - given.azimuth_bias_rad[r]
             n = len(at)
@@ -135,7 +138,7 @@ def others() -> tuple[Any, ...]:
 def run(method: Any, sea: Sea, cycles: int, first: int = 0, memory: Any = None, given: Any = None, **more: Any) -> Any:
     """Memory and corrections after some cycles, each with the corrections of the one before taken out; `course` collects them.
 
-    Args: errors, shift_m: functions of the cycle.
+    Args: errors, shift_m, hulls: functions of the cycle, the last one of the AIS tracks too.
     """
     where = sensors(sea.radars)
     memory = method.init() if memory is None else memory
@@ -147,7 +150,9 @@ def run(method: Any, sea: Sea, cycles: int, first: int = 0, memory: Any = None, 
         if "order" in more:
             plots = plots.take(np.random.default_rng(cycle).permutation(len(plots)))
         time_s = START_S + PERIOD_S * (cycle + 1)
-        memory, given = method.step(memory, RegistrationInput(plots, tracks, quiet(tracks), *others(), time_s, where, given))
+        hulls = more["hulls"](cycle, tracks) if "hulls" in more else HullOffsets.empty()
+        seen = RegistrationInput(plots, tracks, quiet(tracks), *others(), time_s, where, given, hulls)
+        memory, given = method.step(memory, seen)
         course.append(given)
     return memory, given, course
 

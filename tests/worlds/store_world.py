@@ -139,6 +139,7 @@ def corrections_of(number: int) -> RadarCorrections:
     factors = np.array([[1.25, 1.0], [np.nan, np.nan]])
     vessels, residuals, no = np.array([7, 0]), np.array([10.0 * number, 0.0]), np.zeros(2, np.bool_)
     site = {"site_error_m": np.array([[48.5, -2.0], [0.0, 0.0]]), "site_sigma_m": np.array([[0.5, 0.75], [np.nan, np.nan]])}
+    site |= {"range_scale": np.array([0.01, 0.0]), "range_scale_sigma": np.array([0.0002, np.nan])}
     return RadarCorrections(*biases, *sigma, vessels, residuals, state, no, **site, noise_factor=factors)
 
 

@@ -198,9 +198,11 @@ class Receivers:
         rows, feed, sender = rows.take(order), feed[order], sender[order]
         first = self._first(np.stack([rows.digest, rows.mmsi], 1), rows.stamp_s)
         is_used = self._new.accepted(rows.mmsi, rows.stamp_s, rows.position_deg, feed, sender)
+        waiting, no_room = self._new.set_aside(until_s, len(parts))
         reports = []
         for number, decoder in enumerate(self._decoders):
             own = feed == number
+            decoder.counts.set_aside, decoder.counts.no_room = int(waiting[number]), int(no_room[number])
             decoder.tally.add_rows(DUPLICATE, own & ~first, lambda i: "live", lambda i: f"MMSI {rows.mmsi[i]}")
             decoder.tally.add_rows(BEYOND, own & first & ~is_used, lambda i: "live", lambda i: f"MMSI {rows.mmsi[i]}")
             reports.append(decoder.accepted(rows.take(own & first & is_used), until_s))

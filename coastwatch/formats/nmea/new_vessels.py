@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch.batches import Bools, Floats, Ints
+from coastwatch.formats.nmea.mmsi_table import MmsiTable
 from coastwatch.geodesy import KNOT_M_S, SEMI_MAJOR_M
 
 BEYOND = "first report of an MMSI beyond the budget of its sender, set aside until a second one agrees"
@@ -21,8 +22,11 @@ BURST_OF_FEED, PER_SECOND_OF_FEED = 10_000, 100.0
 FORGOTTEN_S = 3_600.0
 """An MMSI that was not heard for so long is new again: as long as a track without reports lives."""
 
-MOST_WAITING = 100_000
-"""MMSI that wait for a second report. Those that were heard longest ago go first."""
+MOST_WAITING = 1_250_000
+"""Rows of MMSI that wait for a second report, 40 bytes each. Where there are more, a tenth goes: those heard longest ago.
+
+So at least 1,125,000 have room: vessels at anchor report each 180 s, and all of them are heard once before the first is again.
+"""
 
 AGREES_WITHIN_S, AGREES_M_S, AGREES_M = 900.0, 60.0 * KNOT_M_S, 500.0
 """Two reports of one vessel: the time between them at most, and how far apart they may be: speed times time and a constant."""
@@ -58,8 +62,9 @@ class NewVessels:
     """Which reports are used: those of a known MMSI, of a new one within the budget of its sender, and second ones that agree."""
 
     def __init__(self) -> None:
-        self._accepted, self._heard_s = np.zeros(0, np.int64), np.zeros(0)  # sorted MMSI, and when each was heard last
-        self._waiting, self._waits_s, self._at_deg = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 2))  # sorted by MMSI
+        self._accepted = MmsiTable(1)  # when each was heard last
+        self._waiting = MmsiTable(4)  # when and where each was heard last, latitude and longitude in degrees, and by which feed
+        self._no_room = np.zeros(0, np.int64)  # how many of each feed went as there was no room
         self._budgets: OrderedDict[tuple[int, int], _Budget] = OrderedDict()
         self._of_feeds: dict[int, _Budget] = {}
         self._looked_s = -np.inf  # when those were forgotten that were not heard for long
@@ -69,15 +74,20 @@ class NewVessels:
         if not len(mmsi):
             return np.zeros(0, np.bool_)
         now_s = float(time_s[-1])
-        is_used = _is_in(mmsi, self._accepted)
+        is_known = self._accepted.has(mmsi)
+        is_used = is_known.copy()
         if not is_used.all():
             is_used |= self._agree(mmsi, time_s, position_deg, ~is_used)
             new = np.flatnonzero(~is_used)
             _, first = np.unique(mmsi[new], return_index=True)
             granted = self._granted(new[np.sort(first)], feed, sender, now_s)
             is_used |= _is_in(mmsi, np.sort(mmsi[granted]))
-            self._wait(mmsi, time_s, position_deg, np.flatnonzero(~is_used))
-        self._note(mmsi[is_used], time_s[is_used], now_s)
+            self._waiting.remove(mmsi[is_used & ~is_known])
+            self._wait(mmsi[~is_used], np.column_stack([time_s, position_deg, feed])[~is_used], now_s)
+        self._accepted.put(mmsi[is_used], time_s[is_used, None])
+        if now_s > self._looked_s + FORGOTTEN_S / 60.0:
+            self._accepted.keep_after(np.nextafter(now_s - FORGOTTEN_S, -np.inf))
+            self._looked_s = now_s
         return is_used
 
     def _granted(self, rows: Ints, feed: Ints, sender: Ints, now_s: float) -> Ints:
@@ -96,46 +106,27 @@ class NewVessels:
 
     def _agree(self, mmsi: Ints, time_s: Floats, position_deg: Floats, unknown: Bools) -> Bools:
         """Which reports agree with one of the same MMSI that waits, and all of that MMSI after them. Returns: (M,)."""
-        is_agreed = np.zeros(len(mmsi), np.bool_)
-        rows = np.flatnonzero(unknown & _is_in(mmsi, self._waiting))
-        if len(rows):
-            at = np.searchsorted(self._waiting, mmsi[rows])
-            apart_s = time_s[rows] - self._waits_s[at]
-            apart_m = _distance_m(position_deg[rows], self._at_deg[at])
-            agrees = (apart_s > 0.0) & (apart_s <= AGREES_WITHIN_S) & (apart_m <= AGREES_M + AGREES_M_S * apart_s)
-            is_agreed = unknown & _is_in(mmsi, np.unique(mmsi[rows[agrees]]))
-        return is_agreed
+        rows = np.flatnonzero(unknown)
+        waiting = self._waiting.values(mmsi[rows])
+        apart_s = time_s[rows] - waiting[:, 0]
+        near = np.flatnonzero((apart_s > 0.0) & (apart_s <= AGREES_WITHIN_S))
+        apart_m = _distance_m(position_deg[rows[near]], waiting[near, 1:3])
+        agrees = near[apart_m <= AGREES_M + AGREES_M_S * apart_s[near]]
+        return unknown & _is_in(mmsi, np.unique(mmsi[rows[agrees]]))
 
-    def _wait(self, mmsi: Ints, time_s: Floats, position_deg: Floats, rows: Ints) -> None:
-        """Keep the newest report of each MMSI that is not known."""
-        if not len(rows) and not len(self._waiting):
-            return
-        every = np.concatenate([self._waiting, mmsi[rows]])
-        when = np.concatenate([self._waits_s, time_s[rows]])
-        where = np.concatenate([self._at_deg, position_deg[rows]])
-        order = np.lexsort((when, every))
-        last = order[np.append(every[order][1:] != every[order][:-1], True)]
-        last = last[when[last] > when.max() - AGREES_WITHIN_S]
-        if len(last) > MOST_WAITING:
-            last = np.sort(last[np.argsort(when[last], kind="stable")[-MOST_WAITING:]])
-            last = last[np.argsort(every[last], kind="stable")]
-        self._waiting, self._waits_s, self._at_deg = every[last], when[last], where[last]
+    def _wait(self, mmsi: Ints, report: Floats, now_s: float) -> None:
+        """Keep the newest report of each MMSI that is not known, within bounds. Args: report: (M, 4), as waits, in order of time."""
+        self._waiting.put(mmsi, report)
+        if self._waiting.rows > MOST_WAITING:
+            gone = self._waiting.keep_after(now_s - AGREES_WITHIN_S, MOST_WAITING - MOST_WAITING // 10)
+            before = self._no_room
+            self._no_room = np.bincount(gone[:, 3].astype(np.int64), minlength=len(before))
+            self._no_room[: len(before)] += before
 
-    def _note(self, mmsi: Ints, time_s: Floats, now_s: float) -> None:
-        """Remember when each MMSI was heard, and forget those that were not for long."""
-        old = _is_in(mmsi, self._accepted)
-        self._heard_s[np.searchsorted(self._accepted, mmsi[old])] = time_s[old]  # in order of time: the last one stays
-        if not old.all():
-            new, last = np.unique(mmsi[~old][::-1], return_index=True)
-            at = np.searchsorted(self._accepted, new)
-            self._accepted = np.insert(self._accepted, at, new)
-            self._heard_s = np.insert(self._heard_s, at, time_s[~old][::-1][last])
-        if now_s > self._looked_s + FORGOTTEN_S / 60.0:
-            keep = self._heard_s >= now_s - FORGOTTEN_S
-            self._accepted, self._heard_s, self._looked_s = self._accepted[keep], self._heard_s[keep], now_s
-        if len(self._waiting):
-            keep = ~_is_in(self._waiting, self._accepted)
-            self._waiting, self._waits_s, self._at_deg = self._waiting[keep], self._waits_s[keep], self._at_deg[keep]
+    def set_aside(self, now_s: float, feeds: int) -> tuple[Ints, Ints]:
+        """How many MMSI of each feed wait for a second report, and how many went since the start as there was no room. (F,), (F,)"""
+        waiting = self._waiting.column(3, now_s - AGREES_WITHIN_S).astype(np.int64)
+        return np.bincount(waiting, minlength=feeds), np.pad(self._no_room, (0, max(feeds - len(self._no_room), 0)))
 
 
 def _is_in(values: Ints, ordered: Ints) -> Bools:

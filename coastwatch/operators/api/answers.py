@@ -23,10 +23,10 @@ from coastwatch.operators.api.validation import CheckedRoute
 from coastwatch.operators.api.wire import Encoder
 from coastwatch.operators.selection import order, selected
 from coastwatch.operators.typed import box, utc
-from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture, of_store
+from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture
 from coastwatch.shipped import scenarios_folder
 from coastwatch.store import NotThere, Rows
-from coastwatch.store.bbox import inside
+from coastwatch.store.bbox import Box, inside
 from coastwatch.store.read.picture_queries import COLUMNS
 
 T = TypeVar("T")
@@ -201,7 +201,8 @@ def picture(request: Request, service: In, form: As, chosen: Annotated[Chosen, Q
         if request.headers.get("if-none-match") == tag:
             return Response(status_code=304, headers={"ETag": tag})
     at_s = parsed(utc, "at", chosen.at)
-    shown = _picture_at(service, at_s)
+    # Names of sources are judged by those of the whole picture.
+    shown = _picture_at(service, at_s, None if chosen.sources else parsed(box, "bbox", chosen.bbox))
     rows = chosen.rows(shown)
     if chosen.sort is not None:
         rows = rows[order(lambda name: shown.column(name, rows), COLUMNS, _names(chosen.sort))]
@@ -217,8 +218,9 @@ def picture(request: Request, service: In, form: As, chosen: Annotated[Chosen, Q
 @router.get("/frame", responses={200: {"content": {"application/octet-stream": {}}}})
 def frame(service: In, bbox: Text = None, at: Text = None, version: Annotated[int, Query(ge=1, le=2)] = 1) -> Response:
     """The picture as one full binary frame (coastwatch.picture.v1 or v2), now or at an instant."""
-    shown = _picture_at(service, parsed(utc, "at", at))
-    if (area := parsed(box, "bbox", bbox)) is not None:
+    area = parsed(box, "bbox", bbox)
+    shown = _picture_at(service, parsed(utc, "at", at), area)
+    if area is not None:
         shown = shown.take(np.flatnonzero(inside(shown.positions_deg(), area)))
     return Response(Encoder(0).frame(shown).full(version), media_type="application/octet-stream")
 
@@ -409,14 +411,17 @@ def _next(request: Request, **parameters: object) -> str:
     return f'<{following.path}?{following.query}>; rel="next"'
 
 
-def _picture_at(service: Service, at_s: float | None) -> LivePicture:
-    """The picture now, or of the last cycle up to an instant, with the time of that cycle: viewers move its vessels on from there."""
+def _picture_at(service: Service, at_s: float | None, area: Box | None) -> LivePicture:
+    """The picture now, or of the last cycle up to an instant, with the time of that cycle: viewers move its vessels on from there.
+
+    Args: area: in a picture of the past, other vessels may be left out; that of now is whole.
+    """
     if at_s is None:
         return service.picture()
     run_id = service.run_id()
     try:
         number, time_s = store.picture_cycle(service.store, run_id, at_s)
-        return of_store(service.store, run_id, number, time_s, time_s)
+        return service.picture_of(run_id, number, time_s, area)
     except NotThere as error:
         raise HTTPException(404, f"at: {str(error).removeprefix(f'{service.store.where}: ')}") from error
 

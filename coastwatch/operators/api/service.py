@@ -22,7 +22,7 @@ from coastwatch.server.alarm_book import Alarm, AlarmBook, Chosen, key_of
 from coastwatch.server.feeds.outgoing import OutFeed
 from coastwatch.server.link import FeedState
 from coastwatch.server.live import RunAbout
-from coastwatch.server.live_picture import LivePicture
+from coastwatch.server.live_picture import LivePicture, of_store
 from coastwatch.server.live_video import LiveVideo
 from coastwatch.server.live_writer import NotYetStored
 from coastwatch.server.regions.publisher import Publisher
@@ -30,6 +30,7 @@ from coastwatch.server.run import version
 from coastwatch.server.troubles import Trouble, of_outs
 from coastwatch.store import Acknowledgement, Asked, Beginnings, Rows, Store
 from coastwatch.store.acknowledgements import SAME_START_S
+from coastwatch.store.bbox import Box
 
 WAIT_FOR_STORE_S = 1.0
 """How long a request that changes something waits for the database. If it takes longer the change is written later."""
@@ -41,6 +42,7 @@ ALARM_COLUMNS = (
     "alarm_id", "vessel_id", "kind", "subject", "start_s", "end_s", "lasted_s", "gaps", "mmsi", "name", "latitude_deg",
     "longitude_deg", "sog_kn", "evidence", "acknowledged_by", "acknowledged_s", "note", "priority",
 )  # fmt: skip
+PastKey = tuple[int, int, Box | None, tuple[int, int] | None]  # run, cycle, box; run and cycle of the newest picture
 T = TypeVar("T")
 
 
@@ -120,6 +122,7 @@ class Service:
     end: Callable[[], None] = lambda: None  # ends the server
     asked: list[Callable[[], list[Trouble]]] = field(default_factory=list)  # others who may have troubles
     _about: tuple[int, RunAbout] | None = None  # of a run in the database
+    _past: tuple[PastKey, LivePicture] | None = None  # the picture of the past that was asked for last
 
     def __post_init__(self) -> None:
         self.hub = Hub(self.metrics)
@@ -141,6 +144,19 @@ class Service:
         if self.hub.picture is None:
             raise NoPictureYet(self.source.error() or "there is no picture yet")
         return self.hub.picture
+
+    def picture_of(self, run_id: int, cycle: int, time_s: float, area: Box | None) -> LivePicture:
+        """The picture of a cycle in the database, in a box or whole.
+
+        The one asked for last is kept until there is a newer live picture: pages of one instant are of one reading.
+        Raises: StoreError.
+        """
+        newest = self.hub.picture
+        key = run_id, cycle, area, None if newest is None else (newest.run_id, newest.cycle)
+        kept = self._past
+        if kept is None or kept[0] != key:
+            kept = self._past = key, of_store(self.store, run_id, cycle, time_s, time_s, area)
+        return kept[1]
 
     def version_of_picture(self) -> tuple[int, int, int]:
         """A value that changes with each new picture. Raises: NoPictureYet."""

@@ -59,6 +59,9 @@ AHEAD_OF_CYCLE_S = 60.0
 THROWN_WITHIN_S, LEAST_THROWN, THROWN_SHARE = 60.0, 10, 0.2
 """A feed is in trouble when so many of its reports in so long were thrown away, and this share; or so many and no other came."""
 
+MANY_SET_ASIDE = 1_000
+"""A feed is in trouble while more of its MMSI wait for a second report, and are not in the picture."""
+
 FIRST_S = 0.0
 """Before the first cycle of any region: one cycle of each is taken."""
 
@@ -80,8 +83,8 @@ class _Feed:
         self.inbox, self.decoder = inbox, decoder
         self.items: list[Item] = []  # received and not yet decoded
         # Of the last minute: when, records used, late, of before the run, datagrams or lines dropped, records refused; stamps that
-        # were replaced by the time of arrival, and that no clock shows.
-        self._looks: deque[tuple[float, int, int, int, int, int, int, int]] = deque()
+        # were replaced by the time of arrival, and that no clock shows; MMSI for which there was no room.
+        self._looks: deque[tuple[float, int, int, int, int, int, int, int, int]] = deque()
         self._video = VideoHealth(decoder.counts.radars)
 
     def decode(self, reference_s: float | None) -> None:
@@ -96,7 +99,7 @@ class _Feed:
         tally = self.decoder.tally
         not_read = sum(fault.count for fault in _not_used(tally.faults()))
         stamps = tally.count(AHEAD), tally.count(NO_TIME)
-        self._looks.append((at_s, counts.records, counts.late, counts.before_run, dropped, not_read, *stamps))
+        self._looks.append((at_s, counts.records, counts.late, counts.before_run, dropped, not_read, *stamps, counts.no_room))
         while self._looks[0][0] < at_s - THROWN_WITHIN_S:
             self._looks.popleft()
         self._video.look(at_s)
@@ -110,7 +113,9 @@ class _Feed:
             sentences.append(sentence + (": the time of arrival is taken" if ahead_s > 0.0 else ""))
         looks = list(self._looks)
         if looks:
-            used, late, before_run, dropped, not_read, ahead, no_time = (looks[-1][k] - looks[0][k] for k in range(1, 8))
+            used, late, before_run, dropped, not_read, ahead, no_time, no_room = (
+                looks[-1][k] - looks[0][k] for k in range(1, 9)
+            )
             thrown = late + before_run
             if ahead and not is_off:
                 sentences.append(
@@ -129,6 +134,7 @@ class _Feed:
                 if before_run > late:
                     why = "they are from before the run began. A recording needs --clock feeds"
                 sentences.append(f"{thrown} of {thrown + used} reports of the last minute were thrown away: {why}")
+            sentences += _of_new_mmsi(self.decoder.counts.set_aside, int(no_room))
         return sentences
 
     def counters(self) -> FeedState:
@@ -373,3 +379,14 @@ class LiveInput:
 def _not_used(faults: tuple[Fault, ...]) -> tuple[Fault, ...]:
     """The faults whose records are not used."""
     return tuple(fault for fault in refused(faults) if not fault.used)
+
+
+def _of_new_mmsi(set_aside: int, no_room: int) -> list[str]:
+    """What is wrong with new MMSI. Args: set_aside: those that wait now; no_room: those of the last minute for which there was none."""
+    sentences = []
+    if set_aside > MANY_SET_ASIDE:
+        why = "they are beyond the budget of new ones and wait for a second report that agrees"
+        sentences.append(f"{set_aside} MMSI are not in the picture: {why}")
+    if no_room:
+        sentences.append(f"{no_room} MMSI of the last minute were forgotten before their second report: too many wait for one")
+    return sentences

@@ -1,6 +1,7 @@
 """Bytes of live feeds over TCP, UDP and files: asyncio in a thread of its own, with one bounded inbox for each feed.
 
-A full inbox stops the reading of a stream, so that its sender waits. Of datagrams the oldest are dropped then, and counted.
+A full inbox stops the reading of a stream, so that its sender waits. Of datagrams and messages of MQTT the oldest are dropped then, and
+counted.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from coastwatch.formats.decoding import Item
 from coastwatch.formats.registry import FORMATS
 from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import MQTT_PORTS, Address
-from coastwatch.server.link import Backoff, Link, Reconnecting, first_line, notice_loss, reason_of
+from coastwatch.server.link import LOST_S, Backoff, Link, Reconnecting, first_line, notice_loss, reason_of
 
 MOST_ITEMS = 200_000
 """Lines or datagrams that may wait in an inbox."""
@@ -93,7 +94,7 @@ class Inbox(Link):
         return f"sender {number}" if known is None else ":".join(map(str, known[:2]))
 
     def drop_oldest(self) -> None:
-        """Make room for a datagram."""
+        """Make room for a datagram or message."""
         with suppress(IndexError):  # the other thread has just taken it
             while self.is_full:
                 self._dropped_bytes += len(self._items.popleft()[1])
@@ -420,22 +421,36 @@ def _read_added(file: GrowingFile, inbox: Inbox, at_s: float) -> bool:
 
 async def _subscribed(inbox: Inbox) -> None:
     """Take the messages of an MQTT topic, whole lines each, until the broker is gone. Raises: OSError."""
-    from aiomqtt import Client, MqttError, TLSParameters  # of the extra `mqtt`
+    from aiomqtt import Client, Message, MqttError, TLSParameters  # of the extra `mqtt`
 
-    address = inbox.address
+    address, sender = inbox.address, inbox.new_sender()
+
+    class Taken(asyncio.Queue[Message]):
+        """Messages go into the inbox as they come: aiomqtt cannot stop reading, and a bounded queue of it drops what nobody counts."""
+
+        def put_nowait(self, item: Message) -> None:
+            data = item.payload if isinstance(item.payload, bytes) else str(item.payload).encode()
+            if inbox.is_full:
+                inbox.drop_oldest()
+            _put_lines(inbox, data.rstrip(b"\r\n") + b"\n", len(data), sender)
+
     tls = TLSParameters(ca_certs=address.options.get("ca-file")) if address.transport == "mqtts" else None
     try:
         path, user = address.options.get("password-file"), address.options.get("user")
         password = None if path is None else first_line(path)
-        async with Client(address.host, address.port, username=user, password=password, tls_params=tls) as client:
+        async with Client(
+            address.host,
+            address.port,
+            username=user,
+            password=password,
+            tls_params=tls,
+            keepalive=LOST_S // 2,  # a question after so long, and no answer for as long
+            queue_type=Taken,
+        ) as client:
             await client.subscribe(address.path, qos=1)
             inbox.opened()
-            sender = inbox.new_sender()
-            async for message in client.messages:
-                data = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
-                _put_lines(inbox, data.rstrip(b"\r\n") + b"\n", len(data), sender)
-                while inbox.is_full:
-                    await asyncio.sleep(FULL_WAIT_S)
+            async for _ in client.messages:  # there is none: it ends with the connection
+                pass
     except (MqttError, OSError) as error:
         raise OSError(str(error)) from error
 

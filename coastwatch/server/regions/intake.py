@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -20,6 +21,15 @@ LATE = "cycle of the region later than its cycle here"
 AHEAD = "cycle of the region ahead of the clock of this machine, time of arrival taken"
 WITHOUT = "cycle without tracks of the region"
 
+THROWN_WITHIN_S, LEAST_THROWN, THROWN_SHARE = 60.0, 3, 0.2
+"""A region is in trouble when so many of its cycles in so long were late, and this share."""
+
+LEAST_RETURNED = 2
+"""There are two senders when so many changes in so long were to the run before."""
+
+FEWEST_LOOKS = 5
+"""Cycles here that are judged in any case, however long they are. A region none of whose cycles was late in them is well again."""
+
 
 class RegionIntake:
     """The cycles of one region that wait for their cycle here."""
@@ -31,8 +41,12 @@ class RegionIntake:
         self.newest_s, self.first_s = -math.inf, math.inf
         self.late = self.used = self.without = 0
         self._beyond: dict[str, int] = {}  # states of tracks that are none, by kind
-        self._waiting: list[RegionCycle] = []
+        self._waiting: list[tuple[RegionCycle, float]] = []  # and how long after its end it came
+        self._late_s = 0.0  # how long after its end the newest late cycle came
         self._intake: list[Intake] = []
+        self._looks: deque[tuple[float, int, int, int]] = deque(
+            [(now_s(), 0, 0, 0)]
+        )  # newest last: when, cycles used, late, runs again
         self._last = connection.incoming.position  # the last cycle that was used
 
     @property
@@ -48,17 +62,20 @@ class RegionIntake:
             if self._checked and self._ahead_s > FAR_AHEAD_S:  # its time is that of its arrival
                 self.ahead += 1
                 cycle = replace(cycle, time_s=max(at_s, self.newest_s))
-            self._waiting.append(cycle)
+            self._waiting.append((cycle, -self._ahead_s))
             self.newest_s = max(self.newest_s, cycle.time_s)
             self.first_s = min(self.first_s, cycle.time_s)
 
     def reports_between(self, after_s: float, until_s: float) -> TrackReports:
         """The tracks of the cycles that end in a span. Older ones are late: counted and left out."""
-        due = [cycle for cycle in self._waiting if cycle.time_s <= until_s]
-        self._waiting = [cycle for cycle in self._waiting if cycle.time_s > until_s]
+        came = [one for one in self._waiting if one[0].time_s <= until_s]
+        self._waiting = [one for one in self._waiting if one[0].time_s > until_s]
+        due = [cycle for cycle, _ in came]
+        self._late_s = next((late_s for cycle, late_s in reversed(came) if cycle.time_s <= after_s), self._late_s)
         used = [cycle for cycle in due if cycle.time_s > after_s]
         self.late, self.used = self.late + len(due) - len(used), self.used + len(used)
         self.without += not used
+        self._look()
         self._intake = [self._of_run([c for c in due if c.run == run], after_s) for run in dict.fromkeys(c.run for c in due)]
         reports = TrackReports.join([cycle.reports(self._source) for cycle in used])
         kept, beyond = limits.within(reports)
@@ -85,9 +102,36 @@ class RegionIntake:
         counted += [(limits.BEYOND + kind, count) for kind, count in self._beyond.items()]
         return [Fault(kind, count, f"region {self.name}", self.connection.error or "") for kind, count in counted if count]
 
+    def _look(self) -> None:
+        """Note the counts, for `troubles`."""
+        at_s = now_s()
+        self._looks.append((at_s, self.used, self.late, self.connection.incoming.returned))
+        while len(self._looks) > FEWEST_LOOKS + 1 and self._looks[0][0] < at_s - THROWN_WITHIN_S:
+            self._looks.popleft()
+
+    def troubles(self) -> list[str]:
+        """What is wrong with its runs, and with the times of its cycles."""
+        looks, sentences = list(self._looks), list[str]()
+        incoming = self.connection.incoming
+        if looks[-1][3] - looks[0][3] >= LEAST_RETURNED:
+            runs = f"{incoming.former.run} and {incoming.position.run}"
+            sentences.append(f"two senders: cycles of the runs {runs} come in turn. Each region needs a name of its own")
+        if not self._checked:
+            return sentences
+        if self._ahead_s > FAR_AHEAD_S:
+            sentences.append(f"its clock is {self._ahead_s:.0f} s ahead: the time of arrival is taken")
+        used, late = (looks[-1][k] - looks[0][k] for k in (1, 2))
+        goes_on = looks[-1][2] > looks[-min(FEWEST_LOOKS + 1, len(looks))][2]
+        if goes_on and late >= LEAST_THROWN and late > THROWN_SHARE * (late + used):
+            sentences.append(
+                f"{late} of its last {late + used} cycles were left out: the newest of them came {self._late_s:.0f} s after its end, "
+                f"later than --lateness allows. Its clock may be behind, or its line too slow"
+            )
+        return sentences
+
     def counters(self) -> FeedState:
         """Its state for operators, as of a feed."""
-        link, is_ahead = self.connection, self._checked and self._ahead_s > FAR_AHEAD_S
+        link = self.connection
         return link.as_feed(
             f"region {self.name}",
             received=link.incoming.position.seq,
@@ -97,7 +141,7 @@ class RegionIntake:
             dropped=link.incoming.missing,
             newest_s=self.newest_s if math.isfinite(self.newest_s) else None,
             faults={fault.kind: fault.count for fault in self.faults()},
-            troubles=[f"its clock is {self._ahead_s:.0f} s ahead: the time of arrival is taken"] if is_ahead else [],
+            troubles=self.troubles(),
         )
 
 

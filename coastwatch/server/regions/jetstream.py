@@ -9,6 +9,8 @@ from __future__ import annotations
 import asyncio
 import ssl
 import threading
+import time
+from collections import deque
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
@@ -23,7 +25,7 @@ from nats.js.api import AckPolicy, ConsumerConfig, DeliverPolicy, StreamConfig
 from nats.js.errors import NotFoundError
 
 from coastwatch.errors import StoreError
-from coastwatch.server.link import FeedState, Link, Reconnecting, first_line, reason_of
+from coastwatch.server.link import LOST_S, FeedState, Link, Reconnecting, first_line, reason_of
 from coastwatch.server.listeners import woken_by
 from coastwatch.server.regions.client import (
     CLOSE_S,
@@ -45,6 +47,9 @@ POLL_S = 0.5  # how long it is waited for a message before the end of the run is
 TOGETHER = 8  # messages that are asked for at once
 SHORTEST_S = 60.0  # for which a stream keeps a cycle
 FORGOTTEN_S = 300.0  # after which the server forgets a centre that asks for nothing
+PINGS = 2  # without an answer, after which the connection is lost: that is noticed after LOST_S
+OTHERS_S, LEAST_OTHERS = 60.0, 3  # so many messages of other senders in so long are a trouble: a restart leaves fewer
+QUIET_S = 5.0  # without a message, after which a centre asks whether the server still knows it
 
 
 def stream_of(name: str) -> str:
@@ -92,6 +97,8 @@ async def _opened(address: RegionAddress) -> AsyncIterator[Client]:
             max_reconnect_attempts=1,  # here of the first connection
             reconnect_time_wait=0,
             connect_timeout=int(CONNECT_S),
+            ping_interval=LOST_S // (PINGS + 1),
+            max_outstanding_pings=PINGS,
             token=token_of(address),
             user=address.user,
             password=None if address.password_file is None else first_line(address.password_file),
@@ -147,19 +154,31 @@ class Subscription(Connection):
                         await stream.delete_consumer(stream_of(name), wanted.name)
 
     async def _take(self, client: Client, messages: JetStreamContext.PullSubscription, begun: bool, newest: str) -> None:
-        """Take what comes until the run ends. Args: begun, newest: as of `_received`. Raises: Error; OSError: the connection is lost."""
+        """Take what comes until the run ends.
+
+        Args: begun, newest: as of `_received`. Raises: Error; OSError: the connection is lost, or the server has forgotten the centre.
+        """
+        came_s = time.monotonic()
         while not self._ended.is_set():
+            if not client.is_connected:
+                raise OSError("the connection is lost")
             if len(self._waiting) >= IN_FLIGHT:
                 await asyncio.sleep(POLL_S / 10.0)
                 continue
-            try:
-                fetched = await messages.fetch(TOGETHER, timeout=POLL_S)
-            except TimeoutError:  # nats-py raises its own, or that of asyncio
-                if not client.is_connected:
-                    raise OSError("the connection is lost") from None
-                continue
-            for message in fetched:
-                begun = self._received(message, begun, newest)
+            with suppress(TimeoutError):  # nats-py raises its own, or that of asyncio
+                for message in await messages.fetch(TOGETHER, timeout=POLL_S):
+                    begun, came_s = self._received(message, begun, newest), time.monotonic()
+            if client.is_connected and time.monotonic() - came_s > QUIET_S:
+                await self._still_known(messages)
+                came_s = time.monotonic()
+
+    async def _still_known(self, messages: JetStreamContext.PullSubscription) -> None:
+        """A consumer that is gone looks like a stream without new cycles. Raises: Error; OSError: it is gone, a new session is needed."""
+        try:
+            await messages.consumer_info()
+        except NotFoundError:
+            stream = stream_of(self.address.stream)
+            raise OSError(f"the server has forgotten this centre, or has no stream {stream}: it is asked again") from None
 
     async def _first(self, stream: JetStreamContext) -> tuple[int | None, str]:
         """Where the stream goes on after the last cycle that is known, None: it is not there; and the newest run. Raises: Error."""
@@ -211,6 +230,10 @@ class Journal(Link):
     error: str | None = field(default="not connected yet", kw_only=True)
     published: int = 0  # cycles
     missing: int = 0  # cycles that the journal of the region did not have any more
+    _sequence: int = 0  # of the last message in the stream
+    _others: deque[tuple[float, int]] = field(
+        default_factory=lambda: deque(maxlen=100)
+    )  # when, messages of other senders before it
     _ended: threading.Event = field(default_factory=threading.Event)
     _thread: threading.Thread | None = None
 
@@ -226,8 +249,13 @@ class Journal(Link):
 
     def counters(self) -> FeedState:
         """Its state for operators, as of a feed."""
+        others = sum(count for when_s, count in list(self._others) if time.monotonic() - when_s < OTHERS_S)
+        said = f"{others} messages of the last minute in {stream_of(self.address.stream)} are of another sender"
         return self.as_feed(
-            f"out tracks+{self.address.url}/{self.address.stream}", records=self.published, dropped=self.missing
+            f"out tracks+{self.address.url}/{self.address.stream}",
+            records=self.published,
+            dropped=self.missing,
+            troubles=[f"{said}: each region needs a NAME of its own"] if others >= LEAST_OTHERS else [],
         )
 
     async def _publish(self) -> None:
@@ -256,7 +284,9 @@ class Journal(Link):
         except NotFoundError:
             subjects = [f"coastwatch.tracks.{name}.>"]
             await stream.add_stream(StreamConfig(stream_of(name), subjects=subjects, max_age=max(self.keep_s, SHORTEST_S)))
+            self._sequence = 0
             return NOTHING
+        self._sequence = state.last_seq
         if not state.messages:
             return NOTHING
         last = await stream.get_msg(stream_of(name), state.last_seq)
@@ -269,7 +299,11 @@ class Journal(Link):
         for number, part in enumerate(parts, 1):
             headers = {PART: f"{number}/{len(parts)}", "Nats-Msg-Id": f"{cycle.run}/{cycle.seq}/{number}"}
             name = self.address.stream
-            await stream.publish(subject_of(name, cycle), part, stream=stream_of(name), headers=headers)
+            taken = await stream.publish(subject_of(name, cycle), part, stream=stream_of(name), headers=headers)
+            if not taken.duplicate:
+                if (others := taken.seq - 1 - self._sequence) > 0:
+                    self._others.append((time.monotonic(), others))
+                self._sequence = taken.seq
         self.published += 1
         self.moved(len(message))
 

@@ -60,15 +60,23 @@ class Incoming:
     position: Position = NOTHING  # of the last cycle
     missing: int = 0  # cycles that the region did not have any more
     repeated: int = 0  # cycles that came again, and were left out
+    returned: int = 0  # how often a run came again after another one: a region begins new ones only, so there are two senders
+    former: Position = NOTHING  # of the last cycle of the run before
+    _skipped: int = 0  # cycles at the beginning of this run that are counted as missing
 
     def received(self, cycle: Position, merged: int = 0) -> bool:
         """Whether a cycle is new; one that came before is left out. A gap is counted. Args: merged: cycles before it that are in it."""
         run, seq = cycle
-        if run == self.position.run and seq <= self.position.seq:
+        known = next((one for one in (self.position, self.former) if one.run == run), None)
+        if known is not None and seq <= known.seq:
             self.repeated += 1
             return False
-        if self.position.run:
-            before = self.position.seq if run == self.position.run else 0
-            self.missing += max(seq - 1 - merged - before, 0)
+        missing = max(seq - 1 - merged - (known.seq if known else 0), 0) if self.position.run else 0
+        if run != self.position.run:
+            if known is not None:
+                self.returned += 1
+                self.missing -= self._skipped  # of the beginning of another sender
+            self.former, self._skipped = self.position, missing if known is None else 0
+        self.missing += missing
         self.position = cycle
         return True

@@ -319,9 +319,8 @@ SENSOR_REGISTRATION = of_run(
     *nullable(WHOLE, "states", "dropped"),  # of track sources, since the start of the run: received, and not used
     *nullable(WHOLE, "tracks"),  # of track sources, alive now
     *nullable(REAL, "position_sigma_m", "velocity_sigma_m_s"),  # of track sources, per axis, of tracks without covariance
-    *nullable(
-        REAL, "site_east_m", "site_north_m", "site_sigma_m"
-    ),  # how far the stated site of a radar is off; null: not known
+    *nullable(REAL, "range_scale", "range_scale_sigma"),  # by which share of themselves the ranges of a radar are too long
+    *nullable(REAL, "site_east_m", "site_north_m", "site_sigma_m"),  # how far the stated site of a radar is off
     *nullable(REAL, "range_noise_factor", "azimuth_noise_factor"),  # of radars: learnt standard deviation over the stated one
     *nullable(REAL, "turn_s"),  # this and the following: of radars that send video; of the newest whole turn
     *nullable(WHOLE, "spokes_a_turn", "spokes_lost", "parts_lost"),  # lost: since the start of the feed

@@ -307,6 +307,8 @@ def registration_rows(
         of_radars(c.rival_share),
         *(NullableId(np.concatenate([before, counted])) for counted in (t.states, t.dropped, t.tracks)),
         *(np.concatenate([before * np.nan, sigma]) for sigma in (t.position_sigma_m, t.velocity_sigma_m_s)),
+        of_radars(np.where(np.isfinite(c.range_scale_sigma), c.range_scale, np.nan)),
+        of_radars(c.range_scale_sigma),
         *map(of_radars, np.where(np.isfinite(c.site_sigma_m), c.site_error_m, np.nan).T),
         of_radars(c.site_sigma_m.max(axis=1)),
         *map(of_radars, c.noise_factor.T),

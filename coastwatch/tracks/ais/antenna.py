@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from coastwatch.batches import AisReports, AisStatics, Batch, Bools, Floats, Ints, column
+from coastwatch.batches import AisReports, AisStatics, Batch, Bools, Floats, HullOffsets, Ints, column
 from coastwatch.geodesy import offset_deg, wrap_deg
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.stage import Method, Positive
@@ -15,6 +15,8 @@ from coastwatch.stage import Method, Positive
 FORGOTTEN_S = 86_400.0  # after the newest report or size
 UNDER_WAY_KN = 3.0
 HEADING_S = 60.0  # for which a ship under way keeps the heading of an earlier report
+ECHO_SHARE = 0.1  # of the length: standard deviation of where on the hull the echo is
+SETTLED_S = 30.0  # after a move, until a track is where its positions are
 MOST_DRIFT_DEG = 60.0  # between heading and course of a ship under way: beyond it the heading is wrong
 
 
@@ -24,6 +26,7 @@ class Antennas(Batch):
 
     mmsi: Ints = column(np.int64, "K")
     middle_m: Floats = column(np.float64, "K", 2)  # offset of the middle of the hull
+    length_m: Floats = column(np.float64, "K")
     from_m: Floats = column(np.float64, "K", 2)  # offset that positions had when their move began
     to_m: Floats = column(np.float64, "K", 2)  # offset that they have at its end: that of the middle, or 0 without a heading
     since_s: Floats = column(np.float64, "K")  # when the move began
@@ -84,6 +87,12 @@ class HullMiddle(Method):
         fresh = time_s - known.heard_s <= FORGOTTEN_S
         return known.take(fresh) if not fresh.all() else known, replace(reports, position_deg=position)
 
+    def hull_offsets(self, memory: Antennas, time_s: float) -> HullOffsets:
+        """How far the positions of large ships may lie from the middle of their echo. Args: memory: after the step of this cycle."""
+        at_antenna = np.where(memory.has_heading, 0.0, np.hypot(memory.middle_m[:, 0], memory.middle_m[:, 1]))
+        moves = (time_s - memory.since_s < self.ramp_s + SETTLED_S) & (memory.from_m != memory.to_m).any(axis=1)
+        return HullOffsets(memory.mmsi, np.hypot(ECHO_SHARE * memory.length_m, at_antenna), moves)
+
     def _with_sizes(self, known: Antennas, statics: AisStatics) -> Antennas:
         """The ships, with those that sent their size now."""
         bow, stern, port, starboard = statics.to_bow_m, statics.to_stern_m, statics.to_port_m, statics.to_starboard_m
@@ -95,11 +104,12 @@ class HullMiddle(Method):
         rows = some[::-1][last]
         at, new, now_s = find(known.mmsi, mmsi), len(mmsi), statics.received_s[rows]
         unknown, zero = np.full(new, np.nan), np.zeros((new, 2))
-        first = Antennas(mmsi, zero, zero, zero, now_s, now_s, unknown, unknown, np.zeros(new, np.bool_))
+        first = Antennas(mmsi, zero, np.zeros(new), zero, zero, now_s, now_s, unknown, unknown, np.zeros(new, np.bool_))
         out = Antennas.join([known, first.take(at < 0)])
         out = out.take(np.argsort(out.mmsi))
         ship = find(out.mmsi, mmsi)
         out.middle_m[ship] = 0.5 * np.column_stack([bow - stern, starboard - port])[rows]
+        out.length_m[ship] = (bow + stern)[rows]
         out.heard_s[ship] = np.maximum(out.heard_s[ship], now_s)
         return out
 

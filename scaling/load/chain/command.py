@@ -18,11 +18,12 @@ from typing import Any
 
 from coastwatch.operators.cli.arguments import count
 from coastwatch.server.timing import date_utc, machine
+from coastwatch.server.writer import STAGE
 from scaling.load import baseline
 from scaling.load.chain import scores as quality
 from scaling.load.chain.run import CycleResult, Load, run_cycles
 from scaling.load.chain.world import CLUTTER_PER_M2, Size, build_world, conditions
-from scaling.load.cycle import MIB, heading, summary, time_line
+from scaling.load.cycle import MIB, heading, summary, time_line, writer_behind
 from scaling.load.options import as_arguments, errors_as_one_line, load_parser
 from scaling.load.progress import report_progress
 from scaling.load.ramp import exponent
@@ -56,6 +57,8 @@ def figures_of(load: Load, cycles: Sequence[CycleResult], period_s: float, metho
     counted = [c for c in cycles if c.warm]
     times, last, size = [c.times for c in counted], counted[-1], load.size
     stages = {stage: [t.stages_s.get(stage, 0.0) for t in times] for stage in sorted_stages(counted)}
+    if STAGE in stages:  # of the cycles in which a write ended
+        stages[STAGE] = [t.stages_s[STAGE] for t in times if STAGE in t.stages_s]
     compute, whole = ([getattr(t, name) for t in times] for name in ("compute_s", "cycle_s"))
     total = sum(mean(s) for stage, s in stages.items() if stage not in STORE_STAGES)
     plots = mean(c.plots for c in counted)
@@ -94,6 +97,7 @@ def figures_of(load: Load, cycles: Sequence[CycleResult], period_s: float, metho
         "store_cpu_s": median(t.store_cpu_s for t in times),
         "cycle_s": summary(whole) | {"mean": mean(whole), "share_of_period": median(whole) / period_s},
         "late_cycles": sum(s > period_s for s in whole),
+        "writer_behind_cycles": writer_behind([c.times for c in counted if c.number > 0], load.store),
         "first_cycle_s": cycles[0].times.cycle_s,
         "generator_s": median(t.generator_s for t in times),
         "rows_written": median(c.rows_written for c in counted),
@@ -130,7 +134,8 @@ def text(figures: dict[str, Any]) -> str:
     )
     lines.append(f"memory of all processes: {memory['now']:.0f} MiB (PSS), peak at most {memory['peak']:.0f} MiB")
     if f["store"] != "none":
-        lines.append(f"{f['rows_written']:.0f} rows written a cycle")
+        behind = f"writer behind in {f['writer_behind_cycles']} of {load['cycles']} cycles"
+        lines.append(f"{f['rows_written']:.0f} rows written a cycle, {behind}")
     return "\n".join([*lines, *quality_lines(f["quality"])] if "quality" in f else lines)
 
 

@@ -1,4 +1,4 @@
-"""How far the stated site of a radar is east and north of the true one, null for older runs."""
+"""Error of the stated site of a radar, and of the scale of its ranges, null for older runs."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,5 +10,5 @@ depends_on = None
 
 
 def upgrade() -> None:
-    for name in ("site_east_m", "site_north_m", "site_sigma_m"):
+    for name in ("range_scale", "range_scale_sigma", "site_east_m", "site_north_m", "site_sigma_m"):
         op.add_column("sensor_registration", sa.Column(name, sa.Float(53), nullable=True))
