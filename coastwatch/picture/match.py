@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Bools, Floats, Ints, Picture, Rows, SourceKind, Struct, Tracks, column
+from coastwatch.batches import Array, Bools, Floats, Ints, Picture, Rows, Sensors, SourceKind, Struct, Tracks, column
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
 from coastwatch.kernels.filters.gaussian import squared_distance
 from coastwatch.kernels.threads import in_blocks
@@ -19,6 +19,7 @@ from coastwatch.picture.settings import IdentitySettings
 from coastwatch.picture.vessels import Groups, KnownColumns, KnownVessels, predict, rows_of_groups
 
 AIS_WEIGHT = 1.2  # of the vote of an AIS track; a radar track has 1
+UNDER_WAY_M_S = 1.0  # from this speed on an AIS track may be succeeded by that of another MMSI
 SENIORITY_GAIN, SENIORITY_S = 0.5, 60.0  # most that a vessel gains by its age, and the age for half of it
 NEAR_M = 2000.0  # farther off than a vessel without tracks can be
 TURN_S, TURN_GAP_S, TURN_SLACK_S = 60.0, 20.0, 6.0
@@ -70,7 +71,8 @@ def match_identities(
         row_before, before.vessel, before.first_vessel, len(columns.vessel_id)
     )
     weight = np.where(given.sensors.source_kinds == SourceKind.AIS, AIS_WEIGHT, 1.0)[tracks.source]
-    vessel_of_group = _settle_votes(groups, previous, first_vessel, weight, tracks, columns, time_s)
+    heard = tracks.source, tracks.started_s, np.where(_may_be_renumbered(tracks, given.sensors), tracks.updated_s, np.inf)
+    vessel_of_group = _settle_votes(groups, previous, first_vessel, weight, heard, columns, time_s)
 
     is_free = remembered[: len(known.shown) + len(known.hidden)] != kernels.identity.match.AS_PREVIOUS
     is_free[vessel_of_group[(vessel_of_group >= 0) & (vessel_of_group < len(is_free))]] = False
@@ -100,13 +102,30 @@ def match_identities(
     return IdentityMatch(groups, track_now, first_vessel, remembered, vessel_of_group, group_of_vessel)
 
 
+def _may_be_renumbered(tracks: Tracks, sensors: Sensors) -> Bools:
+    """Tracks that another one of their source may go on with: of track sources, and AIS under way. (N,)
+
+    Radar tracks of a region, and AIS at rest, that begin and end beside each other may be of two ships at one berth.
+    """
+    kinds, speed_m_s = sensors.source_kinds[tracks.source], np.hypot(tracks.velocity_m_s[:, 0], tracks.velocity_m_s[:, 1])
+    is_received = (kinds == SourceKind.RADAR) & (tracks.source >= len(sensors.region_names))
+    may_be: Bools = is_received | ((kinds == SourceKind.AIS) & (speed_m_s > UNDER_WAY_M_S))
+    return may_be
+
+
 def _settle_votes(
-    groups: Groups, previous: Rows, first_vessel: Rows, weight: Floats, tracks: Tracks, columns: KnownColumns, time_s: float
+    groups: Groups,
+    previous: Rows,
+    first_vessel: Rows,
+    weight: Floats,
+    heard: tuple[Ints, Floats, Floats],
+    columns: KnownColumns,
+    time_s: float,
 ) -> Ints:
     """The vessel of each group by the votes of its tracks, one-to-one, -1 where none. (V,)
 
     A track that its source follows under another number by now would keep the id of its vessel, and take it along when it ends. So its
-    vote goes to the group of that number.
+    vote goes to the group of that number. Args: heard: source, start and newest report of each track, as of `hand_on`.
     """
     start, _ = groups
     age_s = np.where(np.isfinite(columns.since_s), time_s - columns.since_s, 0.0)
@@ -118,7 +137,6 @@ def _settle_votes(
     group, vessel, gain = (np.concatenate(part) for part in zip(*votes, strict=True))
     contested = kernels.identity.match.settle_uncontested(group, vessel, gain, columns.vessel_id, vessel_of_group)
     group, vessel, gain = group[contested], vessel[contested], gain[contested]
-    heard = tracks.source, tracks.started_s, tracks.updated_s
     kept, gain = kernels.identity.match.hand_on(group, vessel, gain, groups, previous, seniority, heard)
     group, vessel, gain = group[kept], vessel[kept], gain[kept]
     chosen = kernels.association.assignment.assign(group, columns.vessel_id[vessel], gain)

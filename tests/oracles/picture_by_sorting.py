@@ -190,25 +190,29 @@ def inherit(
     row = find(last.vessel_id, key[:, 1])
     age = np.where(row >= 0, time_s - last.since_s[np.maximum(row, 0)], 0.0) if len(last) else np.zeros(len(key))
     gain = votes + 0.5 * age / (age + 60.0)
-    key, gain = _handed_on(key, votes, gain, np.where(known, track_vessel[at], -1), tracks, associations.vessel)
+    key, gain = _handed_on(key, votes, gain, np.where(known, track_vessel[at], -1), tracks, associations.vessel, sensors)
     chosen = assign(key[:, 0], key[:, 1], gain)
     vessel_id[key[chosen, 0]] = key[chosen, 1]
     return vessel_id, home
 
 
-def _handed_on(key: Ints, votes: Floats, gain: Floats, was_in: Ints, tracks: Tracks, group: Ints) -> tuple[Ints, Floats]:
+def _handed_on(
+    key: Ints, votes: Floats, gain: Floats, was_in: Ints, tracks: Tracks, group: Ints, sensors: Sensors
+) -> tuple[Ints, Floats]:
     """Pairs of group and vessel, and their gains: the votes of groups that are no longer heard go to those with their successors.
 
     Args: key: (A, 2), votes, gain: (A,) with and without age; was_in: (N,) the vessel of each track, -1 if new; group: (N,) its group.
     """
     rows = [np.flatnonzero(group == g) for g in range(int(group.max()) + 1)]
     after, left = gain.copy(), np.ones(len(key), np.bool_)
+    of_track_source = (tracks.source >= len(sensors.region_names)) & (tracks.source < sensors.ais_source)
+    may_be = of_track_source | ((tracks.source == sensors.ais_source) & (np.hypot(*tracks.velocity_m_s.T) > 1.0))
     for a, (old, vessel) in enumerate(key.tolist()):
         best = -1
         for b in np.flatnonzero(key[:, 1] == vessel).tolist():
             new = rows[key[b, 0]]
             succeeded = all(
-                np.any((tracks.source[new] == tracks.source[n]) & (tracks.started_s[new] > tracks.updated_s[n]))
+                may_be[n] and np.any((tracks.source[new] == tracks.source[n]) & (tracks.started_s[new] > tracks.updated_s[n]))
                 for n in rows[old]
             )
             if b != a and succeeded and vessel in was_in[new] and (best < 0 or gain[b] > gain[best]):

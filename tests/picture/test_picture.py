@@ -18,6 +18,7 @@ from coastwatch.batches import (
     Sonars,
     Stations,
     Tracks,
+    TrackSources,
 )
 from coastwatch.geodesy import offset_deg
 from coastwatch.picture import Identity, PictureInput
@@ -160,11 +161,19 @@ def test_a_vessel_that_turned_away_from_its_track_has_its_id_back(begins_s, more
 
 def test_a_vessel_with_live_ais_keeps_its_id_when_a_source_renumbers_its_track():
     """The old number is only predicted: it kept the id, and took it along when it ended."""
-    new = [(9, 0, 1, 0.0, -1, 5, 0.0, 60.0), (9, 0, 0, 0.0, -1, 5, 0.0, 60.0)]  # beside the vessel, then in it
-    lost = [[(1, 0, vessel, 0.0, -1, 5, 3.0 * k), AIS, new[vessel]] for k, vessel in ((1, 0), (2, 0), (3, 1), (4, 1), (5, 1))]
-    out = play([[RADAR, AIS]] * 20 + lost + [[new[1], AIS]] * 5)
+    new = [(9, 1, 1, 0.0, -1, 5, 0.0, 60.0), (9, 1, 0, 0.0, -1, 5, 0.0, 60.0)]  # beside the vessel, then in it
+    lost = [[(2, 1, vessel, 0.0, -1, 5, 3.0 * k), AIS, new[vessel]] for k, vessel in ((1, 0), (2, 0), (3, 1), (4, 1), (5, 1))]
+    script = [[OTHER_RADAR, AIS]] * 20 + lost + [[new[1], AIS]] * 5
+    one, here = np.ones(1), sensors()
+    source = TrackSources(np.array(["vts"], "U32"), SITE[None], one, one, one, 30.0 * one)
+    radars = here.radars.take(np.array([0]))
+    vts = replace(here, radars=radars, region_names=("west",), region_origin_deg=SITE[None], track_sources=source)
+    out = play(script, where=vts)
     assert {members.vessel_id[members.track_id == AIS[0]].tolist()[0] for _, members in out} == {1}
     assert out[-1][1].vessel_id.tolist() == [1, 1]
+    # Two radar tracks of a region may be of two ships at one berth: the old one keeps the id of its vessel.
+    out = play(script)
+    assert out[24][1].vessel_id[out[24][1].track_id == OTHER_RADAR[0]].tolist() == [1]
 
 
 @pytest.mark.parametrize(("began_s", "kept"), [(60.0, 1), (0.0, 2)])
