@@ -15,8 +15,9 @@ WITH latest AS (
     WHERE r.run_id = :run AND c.time_s >= l.time_s - 60.0 * :minutes
     GROUP BY r.kind, r.number
 )
-SELECT s.kind, s.name, r.state, r.azimuth_bias_deg, r.azimuth_sigma_deg, r.range_bias_m, r.range_sigma_m, r.range_scale,
-    r.range_scale_sigma, r.time_lag_s, r.estimated_lag_s, r.lag_sigma_s, r.site_east_m, r.site_north_m, r.site_sigma_m, r.vessels,
+SELECT s.kind, s.name, r.state, r.azimuth_bias_deg, r.azimuth_sigma_deg, r.range_bias_m, r.range_sigma_m,
+    r.range_scale, r.range_scale_sigma, r.time_lag_s, r.estimated_lag_s, r.lag_sigma_s,
+    r.site_east_m, r.site_north_m, r.site_sigma_m, r.vessels,
     r.candidate_azimuth_deg, r.candidate_range_m, r.odds, r.found_odds, r.voices, r.rival_share, r.compared,
     r.azimuth_bias_deg - o.azimuth_bias_deg AS azimuth_change_deg, r.heard_s
 FROM newest n
