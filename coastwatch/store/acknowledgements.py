@@ -85,7 +85,7 @@ def acknowledged_since(store: Store, run_id: int, seen: Seen) -> tuple[list[tupl
         count = connection.scalar(select(func.count()).select_from(ACKNOWLEDGEMENT).where(since)) or 0
         if count == seen.known:  # most looks: of the index alone
             return [], seen
-        columns = e.vessel_id, e.kind, e.subject, e.start_s, a.acknowledged_s, a.acknowledged_by, a.note, a.who
+        columns = [e.vessel_id, e.kind, e.subject, e.start_s, a.acknowledged_s, a.acknowledged_by, a.note, a.who]
         joined = ACKNOWLEDGEMENT.join(EVENT, same_event(ACKNOWLEDGEMENT, EVENT))
         rows = connection.execute(select(*columns).select_from(joined).where(since)).all()
         newest_s = connection.scalar(select(func.max(a.acknowledged_s)).where(since)) or 0.0
