@@ -9,6 +9,7 @@ from radar_world import PERIOD_S, plots_of, run, two_radars, world
 from coastwatch.batches import Plots
 from coastwatch.tracks import TableTracker
 from coastwatch.tracks.radar.life import ExistenceManagement
+from coastwatch.tracks.radar.local_bursts import local_burst_per_m2
 from coastwatch.tracks.radar.rates import LearntRates, RateSettings
 
 pytestmark = pytest.mark.contract
@@ -75,6 +76,16 @@ def test_a_squall_in_a_part_of_the_range_makes_few_tracks():
     _, out = run(tracker(True), every, LONG, sensors)
     assert max(int((tracks.origin < 0).sum()) for tracks in out) <= 2  # without the density of the squall 5
     assert np.isin(out[34].track_id, out[-1].track_id).all()
+
+
+def test_a_plot_far_beyond_the_range_is_no_matter_for_local_bursts():
+    """The grid went out to it: one plot at 400 km of a radar of 500 m took seconds and gigabytes."""
+    plots = np.random.default_rng(1).uniform(-60.0, 60.0, (40, 2))
+    wild = np.vstack([plots, [[3e5, -3e5], [1e300, 0.0]]])
+    burst = local_burst_per_m2(wild, np.ones(42), wild[40:], 500.0, 1e-6)
+    assert (burst[:40] > 1e-4).all()
+    assert burst[40:].tolist() == [0.0, 0.0]
+    np.testing.assert_array_equal(burst[:40], local_burst_per_m2(plots, np.ones(40), wild[40:], 500.0, 1e-6))
 
 
 def test_before_the_first_plot_the_stated_rates_hold_and_a_pause_is_no_turn():

@@ -145,7 +145,9 @@ def false_plots_at(parts: Parts, memory: RadarMemory, batch: PlotColumns, densit
     existing = table.live[table.existence[table.live] >= EXISTS]
     range_m = float(parts.sensors.radars.range_m[radar])
     unexplained = np.minimum(density / false, 1.0)
-    burst = local_burst_per_m2(batch.position, unexplained, table.combined_mean[existing, :2], range_m, density)
+    site_m = memory.site_m[radar]
+    plots_m, tracks_m = batch.position - site_m, table.combined_mean[existing, :2] - site_m
+    burst = local_burst_per_m2(plots_m, unexplained, tracks_m, range_m, density)
     return np.maximum(false, burst)
 
 
