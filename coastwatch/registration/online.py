@@ -63,7 +63,8 @@ SITE_PRIOR_M, SCALE_PRIOR = (
 )  # standard deviations of an error east and north, and of the scale, before anything is known
 LEAST_SCALE = 0.002
 HALVES_SIGMAS = 3.0  # residuals that contradict the estimate by so much halve the memory; twice this make it 17 times as short
-MOVES_M = 1.0  # from the stated site, between two plots or since the start: a radar on board
+ENDED = 0.05  # of the range noise: a correction of site or scale that is no longer estimated ends when it is so small
+MOVES_M, AWAY_M = 1.0, 30.0  # between two plots of a cycle, and from the stated site, which may be rounded: a radar on board
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,6 +328,7 @@ class OnlineRegistration(Method):
         new = np.where(at_once, centre, np.where(acquired, old, new))
         begins = ((estimate.mean != 0.0) & (old == 0.0))[:, OTHERS].any(axis=1, keepdims=True)
         new = np.where(begins & locked, target, new)
+        new[:, OTHERS][(target == 0.0)[:, OTHERS] & (np.abs(new) < ENDED * units)[:, OTHERS]] = 0.0
         moved = (np.abs(new - old) > JUMP_SIGMAS * units) & ~IS_LAG
         sigma = np.where(locked | ((estimate.plots > 0.0)[:, None] & IS_LAG), estimate.sigma, np.nan)
         quiet = np.radians(self.drift_deg_h) * memory.quiet_s / 3600.0
@@ -382,5 +384,5 @@ def _as_array(corrections: RadarCorrections) -> Floats:
 def _moves(swept: Sweeps, sensors: Sensors) -> Bools:
     """Which radars are on board: they are not at their stated site, or move from plot to plot. (R,)"""
     off = to_plane(swept.site_deg, sensors.radars.site_deg)
-    moves: Bools = (np.hypot(off[:, 0], off[:, 1]) > MOVES_M) | (swept.shift_m > MOVES_M)
+    moves: Bools = (np.hypot(off[:, 0], off[:, 1]) > AWAY_M) | (swept.shift_m > MOVES_M)
     return moves

@@ -395,7 +395,8 @@ def test_radars_that_are_all_off_by_the_same_time_are_warned_of(
 
 
 def test_a_radar_whose_site_seems_wrong_is_warned_of() -> None:
-    known = replace(RadarCorrections.none(2), site_error_m=np.array([[0.0, 0.0], [50.0, -20.0]]))
+    sigma_m = np.array([[np.nan, np.nan], [1.0, 1.0]])
+    known = replace(RadarCorrections.none(2), site_error_m=np.array([[3.0, 0.0], [50.0, -20.0]]), site_sigma_m=sigma_m)
     radars = [SimpleNamespace(name=name, latitude_deg=50.0, longitude_deg=-1.0, range_nm=6.0) for name in ("fort", "island")]
     result = SimpleNamespace(contents=(), faults=(), vessels=1, corrections=known)
     (found,) = inputs.warnings(SimpleNamespace(radars=radars, stations=()), result)

@@ -141,6 +141,16 @@ def test_a_range_bias_is_found_up_to_what_is_searched_and_not_cut_there() -> Non
         assert given.range_bias_m[0] == pytest.approx(bias_m, abs=LIKE_PLOTS_M)
 
 
+def test_the_correction_of_a_site_that_is_put_right_ends() -> None:
+    """Else it would fade for ever, and a run would warn of a site that is wrong by 0 m."""
+    wrong = (0.0, 0.0, 0.0, 60.0, 0.0)
+    course = world.run(
+        OnlineRegistration(memory_s=30.0), world.Sea(90), 120, errors=lambda c: (wrong if c < 30 else (0.0,) * 5,)
+    )[2]
+    assert course[29].site_error_m.any()
+    assert not course[-1].site_error_m.any()
+
+
 def test_the_deviation_of_the_site_is_honest() -> None:
     squares = []
     for seed in range(SEEDS):

@@ -92,7 +92,7 @@ def _alike_lags(corrections: RadarCorrections) -> Iterator[str]:
 
 def _wrong_sites(scenario: Scenario, corrections: RadarCorrections) -> Iterator[str]:
     """The radars whose stated place seems to be wrong, and where they stand then."""
-    for r in np.flatnonzero(corrections.site_error_m.any(axis=1)).tolist():
+    for r in np.flatnonzero(np.isfinite(corrections.site_sigma_m).all(axis=1)).tolist():
         radar, off_m = scenario.radars[r], corrections.site_error_m[r]
         text = f"{abs(off_m[0]):.0f} m {'east' if off_m[0] > 0.0 else 'west'}"
         text += f" and {abs(off_m[1]):.0f} m {'north' if off_m[1] > 0.0 else 'south'}"
