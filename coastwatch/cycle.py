@@ -39,7 +39,7 @@ from coastwatch.registration import RegistrationInput, RegistrationMemory
 from coastwatch.scenario import Scenario
 from coastwatch.stage import Map, RegionMap, Running, serial_regions
 from coastwatch.tracks import AisInput, AisMemory, Antennas, BearingInput, BearingMemory, ReceivedInput, ReceivedMemory
-from coastwatch.tracks.bearing_vessels import expected_vessels
+from coastwatch.tracks.bearing.vessels import expected_vessels
 
 LEFT_OUT = {
     "tracks": "choices of the plots of a crowd of tracks not proven best: each is the best one found within the limit of nodes",

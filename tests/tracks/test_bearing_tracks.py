@@ -19,7 +19,7 @@ from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import BearingInput
 from coastwatch.tracks.bearing import BearingWindow
-from coastwatch.tracks.bearing_looks import (
+from coastwatch.tracks.bearing.looks import (
     MOST_GATED,
     MOST_LOOKS,
     MOST_NUMBERED,

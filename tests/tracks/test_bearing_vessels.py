@@ -11,8 +11,8 @@ from coastwatch import kernels
 from coastwatch.batches import BearingAssociations, BearingReports, ExpectedVessels, Floats, Picture, Sensors
 from coastwatch.geodesy import from_plane
 from coastwatch.tracks import BearingInput
-from coastwatch.tracks.bearing import OF_VESSEL, OWN, BearingWindow
-from coastwatch.tracks.bearing_vessels import chosen_pairs, expected_vessels, predicted_bearings
+from coastwatch.tracks.bearing.tracker import OF_VESSEL, OWN, BearingWindow
+from coastwatch.tracks.bearing.vessels import chosen_pairs, expected_vessels, predicted_bearings
 
 pytestmark = pytest.mark.contract
 

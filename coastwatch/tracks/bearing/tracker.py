@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -11,7 +11,6 @@ from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import (
-    CLASSES,
     ID_STRIDE,
     Array,
     BearingReports,
@@ -26,13 +25,13 @@ from coastwatch.batches import (
 from coastwatch.batches.limits import CONTACTS
 from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.kernels.tables.lookup import row_of
-from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
-from coastwatch.tracks.bearing_looks import few, looks_of, near_in_bearing, rounds
-from coastwatch.tracks.bearing_vessels import Predicted, chosen_pairs, in_crowd, predicted_bearings
+from coastwatch.tracks.bearing.line import Slots, line, relative_weight, scatter
+from coastwatch.tracks.bearing.looks import few, looks_of, near_in_bearing, rounds
+from coastwatch.tracks.bearing.memory import ROWS, BearingMemory
+from coastwatch.tracks.bearing.vessels import Predicted, chosen_pairs, in_crowd, predicted_bearings
 from coastwatch.tracks.inputs import BearingInput
 
-LINE_COLUMNS = ("sensor", "time_s", "bearing_rad", "weight")  # the data of a line fit
 GAIN = 100.0  # greater than any squared gate plus the logarithm of its width: every bearing in a gate has a positive gain
 PATIENCE = 2.5  # intervals of its sensor that a track waits for a bearing, if that is longer than `drop_after_s`
 TURN_GAIN = 0.2  # share of the newest time between two bearings of a track that is taken over
@@ -43,62 +42,9 @@ SAME_DIRECTION = 5.0  # standard deviations of bearings, within which two may be
 NOISE_GAIN = 0.05  # share of the scatter of a cycle that is taken over
 NOISE_DOUBTED = 2.0  # variance over the stated one from which the stated one is not believed
 MOST_NOISE = 400.0
-FEWEST_SCATTERED = 6  # slots that tell the noise: a curve of three parameters goes through them
 SAME_SLOT = 0.75  # of the spacing: a clock that jitters by a quarter still fills one slot a report
 
 
-@dataclass(frozen=True, eq=False)
-class BearingMemory:
-    """All tracks, sorted by track_id. Windows are oldest first, NaN before the first slot."""
-
-    track_id: Ints  # (N,)
-    sensor: Ints  # (N,)
-    contact: Ints  # (N,) -1: the sensor gives none and the track is our own; -2 - vessel_id: the vessel predicts it
-    updated_s: Floats  # (N,)
-    started_s: Floats  # (N,)
-    begin_s: Floats  # (N,) first report of the newest slot
-    hits: Ints  # (N,) reports
-    looks: Ints  # (N,) looks of the sensor since the track began; own tracks only
-    misses: Ints  # (N,) looks without a report, in a row; own tracks only
-    origin: Ints  # (N,)
-    time_s: Floats  # (N, W) mean of the slot
-    bearing_rad: Floats  # (N, W) mean of the slot
-    weight: Floats  # (N, W) reports in the slot, each by `relative_weight`; 0 where there is none
-    precision: Floats  # (N, W) mean of `relative_weight` in the slot: 1 for reports without a variance of their own
-    site_deg: Floats  # (N, W, 2)
-    signatures: Ints  # (N, C) reports of each VesselClass
-    looked_s: Floats  # (N,) time of the newest look that was counted; own tracks only
-    doubt_s: Floats  # (N,) of a bearing far from the others of its contact, not used until the next one agrees with it
-    doubt_rad: Floats  # (N,) NaN: none
-    counter: Ints  # (K,) tracks that each sensor has had
-    noise: Floats  # (K,) variance of the bearings of each sensor, as learned, over the stated one
-    turn_s: Floats  # (K,) of a sensor that gives each bearing its own time: between two bearings of a track; 0: not known, or another
-    dropped: int  # reports that are not finite or from the future
-    far_off: int  # bearings that were not used, as they were far from the others of their contact
-    left_out: int  # reports beyond the counts of `bearing_looks`
-
-    def check_rows(self) -> None:
-        """Check the numbers of sensors, as after reading a checkpoint. Raises: ValueError that names the field."""
-        require_rows("BearingMemory.sensor", self.sensor, len(self.counter))
-
-    def unnumbered(self) -> tuple[Ints, Floats]:
-        """The sensors that have tracks without contact numbers, and where each was last. (S,), (S, 2)"""
-        rows = np.flatnonzero(self.contact < 0)
-        newest_first = rows[np.argsort(-self.updated_s[rows], kind="stable")]
-        sensor, first = np.unique(self.sensor[newest_first], return_index=True)
-        return sensor, self.site_deg[newest_first[first], -1]
-
-    @staticmethod
-    def empty(window: int) -> BearingMemory:
-        n, x, slots = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, window))
-        sites, signatures = np.zeros((0, window, 2)), np.zeros((0, CLASSES), np.int64)
-        return BearingMemory(
-            n, n, n, x, x, x, n, n, n, n, slots, slots, slots, slots, sites, signatures, x, x, x, n, x, x, 0, 0, 0
-        )
-
-
-COUNTS = ("dropped", "far_off", "left_out")
-ROWS = tuple(f.name for f in fields(BearingMemory) if f.name not in ("counter", "noise", "turn_s", *COUNTS))
 MEASURED = ("measured_weight", "measured_s", "measured_rad", "measured_site_deg")  # means over the bearings of this cycle
 CYCLE = (*MEASURED, "certainty")
 OWN, OF_VESSEL = -1, -2  # contact of our own tracks; that of a track of vessel v is OF_VESSEL - v
@@ -164,8 +110,8 @@ class Windows:
     def _is_far_off(self, row: Ints, reports: BearingReports) -> tuple[Bools, Bools]:
         """Which bearings no vessel at sea could have after those of their contact, and which of them agree with one before. (M,), (M,)"""
         c, turn_rad_s = self.column, np.radians(self.settings.rate_sigma_deg_s)
-        window = {name: c[name][row] for name in LINE_COLUMNS}
-        bearing, _, covariance = self.settings.line(window, reports.time_s, self.noise_rad)
+        slots = Slots.newest(c, row, self.settings.rate_length)
+        bearing, _, covariance = line(slots, reports.time_s, self.noise_rad, turn_rad_s)
         own = self.noise_rad[reports.sensor] ** 2 / relative_weight(reports, self.sigma_rad)
         said, limit = wrap_rad(np.radians(reports.bearing_deg)), self.settings.far_off_sigmas**2
         turned = (turn_rad_s * np.maximum(reports.time_s - c["updated_s"][row], self.spacing_s)) ** 2
@@ -289,7 +235,7 @@ class Windows:
         """Learns the noise of each sensor from how far the bearings of tracks heard in this cycle are from a smooth curve through them."""
         c = self.column
         heard = np.flatnonzero(c["measured_weight"] > 0.0)
-        ratio = self.settings.scatter({name: c[name][heard] for name in LINE_COLUMNS}, self.sigma_rad)
+        ratio = scatter(Slots.newest(c, heard, self.settings.rate_length), self.sigma_rad)
         known = np.isfinite(ratio)
         count, median = kernels.bearings.candidates.median_of_groups(c["sensor"][heard[known]], ratio[known], len(self.noise))
         some = count > 0
@@ -332,15 +278,6 @@ def _is_alone(reports: BearingReports) -> Bools:
     return np.asarray((count > 1) & (np.bincount(reports.sensor[1:][same], minlength=len(count)) == 0))
 
 
-def relative_weight(reports: BearingReports, sigma_rad: Floats) -> Floats:
-    """The variance of the sensor over that of each bearing: 1 for a bearing without a variance of its own. (M,)"""
-    own = np.radians(reports.bearing_sigma_deg)
-    given = own > 0.0
-    out = np.ones(len(reports))
-    out[given] = (sigma_rad[reports.sensor[given]] / own[given]) ** 2
-    return out
-
-
 class BearingWindow(Method):
     """One track for each contact that a sensor numbers; tracks of our own where it gives bearings without numbers (contact -1).
 
@@ -352,9 +289,7 @@ class BearingWindow(Method):
     `gate_sigmas`; what is left begins new tracks. A track is yielded once `start_hits` of its first `start_looks` looks had a
     bearing, and ends after `end_misses` looks without. Every track ends when it is silent for longer than `drop_after_s`.
     Where a gate holds `crowd` vessels of the picture on average, these predict the bearings, one track for each, and only what is
-    left goes to own tracks. A look is the bearings of one time, or of a turn of a sensor that gives each its own time. Of very many
-    bearings in a cycle an even choice is used, of own tracks by whole looks, and the others are counted. A cycle with a longer time
-    takes more, within bounds.
+    left goes to own tracks. Of very many bearings in a cycle an even choice is used, and the others are counted.
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
     Approach, eq. 10 (bearing and angular velocity from successive bearings over a given time).
     """
@@ -482,7 +417,8 @@ class BearingWindow(Method):
         Args: seen: (T,) rows of tracks whose sensor had the look; time_s: (T,) of it; reports: (M,) sorted by sensor.
         """
         c, sigma_rad = windows.column, windows.noise_rad
-        bearing, _, covariance = self.line({k: c[k][seen] for k in LINE_COLUMNS}, time_s, sigma_rad)
+        slots = Slots.newest(c, seen, self.rate_length)
+        bearing, _, covariance = line(slots, time_s, sigma_rad, np.radians(self.rate_sigma_deg_s))
         weight = relative_weight(reports, windows.sigma_rad)
         widest = np.zeros(len(sigma_rad))
         np.maximum.at(widest, reports.sensor, sigma_rad[reports.sensor] ** 2 / weight)
@@ -502,46 +438,13 @@ class BearingWindow(Method):
         )
         return seen[pair[chosen]], report[chosen]
 
-    def line(self, window: Mapping[str, Array], time_s: Array, sigma_rad: Floats) -> tuple[Floats, Floats, Floats]:
-        """Bearing (N,), rate (N,) and covariance (N, 2, 2) at these times by least squares through the newest slots."""
-        weight = window["weight"][:, -self.rate_length :]
-        last = window["bearing_rad"][:, -1]
-        there = weight > 0.0
-        t = np.where(there, window["time_s"][:, -self.rate_length :] - window["time_s"][:, -1:], 0.0)
-        y = np.where(there, wrap_rad(window["bearing_rad"][:, -self.rate_length :] - last[:, None]), 0.0)
-        variance = sigma_rad[window["sensor"]] ** 2
-        prior = variance / np.radians(self.rate_sigma_deg_s) ** 2
-        s0, s1, s2 = weight.sum(1), (weight * t).sum(1), (weight * t * t).sum(1) + prior
-        b0, b1 = (weight * y).sum(1), (weight * t * y).sum(1)
-        det = s0 * s2 - s1 * s1
-        rate = (s0 * b1 - s1 * b0) / det
-        ahead = np.asarray(time_s) - window["time_s"][:, -1]
-        bearing = wrap_rad(last + (s2 * b0 - s1 * b1) / det + ahead * rate)
-        p00, p01, p11 = variance * s2 / det, -variance * s1 / det, variance * s0 / det
-        across = p01 + ahead * p11
-        rows = [[p00 + 2.0 * ahead * p01 + ahead**2 * p11, across], [across, p11]]
-        return bearing, rate, np.moveaxis(np.array(rows), 2, 0)
-
-    def scatter(self, window: Mapping[str, Array], sigma_rad: Floats) -> Floats:
-        """Mean squared distance of the newest slots from a parabola through them, over that of the noise; NaN of too few. (N,)"""
-        weight = window["weight"][:, -self.rate_length :]
-        there = weight > 0.0
-        t = np.where(there, window["time_s"][:, -self.rate_length :] - window["time_s"][:, -1:], 0.0)
-        y = np.where(there, wrap_rad(window["bearing_rad"][:, -self.rate_length :] - window["bearing_rad"][:, -1:]), 0.0)
-        out, some = np.full(len(y), np.nan), np.flatnonzero(there.sum(axis=1) >= FEWEST_SCATTERED)
-        t, y, weight = t[some] / np.maximum(-t[some].min(axis=1, keepdims=True), 1e-9), y[some], weight[some]
-        power = t[:, :, None] ** np.arange(3)
-        normal = np.einsum("nwa,nw,nwb->nab", power, weight, power) + 1e-9 * np.eye(3)
-        curve = np.linalg.solve(normal, np.einsum("nwa,nw,nw->na", power, weight, y)[:, :, None])
-        off2 = (weight * (y - (power @ curve)[:, :, 0]) ** 2).sum(axis=1)
-        out[some] = off2 / ((weight > 0.0).sum(axis=1) - 3) / sigma_rad[window["sensor"][some]] ** 2
-        return out
-
     def _tracks(self, memory: BearingMemory, measured: Mapping[str, Array], time_s: float, sensors: Sensors) -> BearingTracks:
         out = np.flatnonzero((memory.contact >= 0) | (memory.hits >= self.start_hits))
-        window = {name: getattr(memory, name)[out] for name in LINE_COLUMNS}
-        bearing, rate, covariance = self.line(window, np.full(len(out), time_s), sensors.sonars.bearing_sigma_rad)
-        old = ~(window["time_s"] >= time_s - self.window_s)
+        slots = Slots.newest(vars(memory), out, self.rate_length)
+        now_s, rate_sigma_rad_s = np.full(len(out), time_s), np.radians(self.rate_sigma_deg_s)
+        bearing, rate, covariance = line(slots, now_s, sensors.sonars.bearing_sigma_rad, rate_sigma_rad_s)
+        window_s = memory.time_s[out]
+        old = ~(window_s >= time_s - self.window_s)
         site, sigma = memory.site_deg[out], sensors.sonars.bearing_sigma_rad[memory.sensor[out]]
         weight, measured_s, measured_rad, measured_site_deg, certainty = (measured[name][out] for name in CYCLE)
         none = weight == 0.0
@@ -556,8 +459,8 @@ class BearingWindow(Method):
             site_deg=site[:, -1],
             updated_s=memory.updated_s[out],
             started_s=memory.started_s[out],
-            window_time_s=np.where(old, np.nan, window["time_s"]),
-            window_bearing_rad=np.where(old, np.nan, window["bearing_rad"]),
+            window_time_s=np.where(old, np.nan, window_s),
+            window_bearing_rad=np.where(old, np.nan, memory.bearing_rad[out]),
             window_site_deg=np.where(old[:, :, None], np.nan, site),
             window_variance=np.where(old, np.nan, sigma[:, None] ** 2 / memory.precision[out]),
             signatures=memory.signatures[out],
