@@ -24,6 +24,7 @@ from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import CheckpointSchedule, Point
 from coastwatch.server.input import AtOnce, Input
 from coastwatch.server.processes import handled_by
+from coastwatch.server.resuming import former_run
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.video_health import PlotsOfVideo
 from coastwatch.server.warm_up import warm_up
@@ -143,7 +144,7 @@ def run_scenario(
 
     Args:
         seed, workers: replace those of the scenario. database: SQLAlchemy URL.
-        resume: continue the newest unfinished run of this scenario, seed and version from its last checkpoint, if there is one.
+        resume: continue the newest unfinished run of this scenario and seed from its last checkpoint, as of `former_run`.
         restart: delete earlier runs of this scenario and seed first.
         progress: called with cycles done, cycles in all and a short text. on_cycle: called with each cycle, before it is stored.
         on_input: called with what the recorded files hold and with their faults, as far as both are known before the first cycle:
@@ -256,27 +257,27 @@ class _Run:
         scenario, live, settings = self.scenario, self.live, self.scenario.model_dump(mode="json")
         if live is not None:
             live.ready(self.sensors)
-        before = store.resume_point(self.store, scenario.name, self.seed, version(), settings) if resume else None
-        if resume and before is None:
-            why = store.why_not_resumed(self.store, scenario.name, self.seed, version(), settings)
-            if why is not None:
-                LOG.warning(f"a new run begins: {why}")
-        positions = {} if before is None else store.region_positions(self.store, before[0], before[1])
+        before, why = None, None
+        if resume:
+            before, why = former_run(self.store, scenario, self.seed, version(), live=live is not None)
+        positions = {} if before is None else store.region_positions(self.store, before.run_id, before.cycle)
         self.recording, plan = self.source.begin(scenario, self.sensors, self.seed, self.stop, positions)
         if live is not None and before is not None:
-            former = plan.model_copy(update={"start_s": store.run(self.store, before[0])["start_s"]})
-            after_s = round(plan.start_s - former.instant_s(before[1]), 6)  # without what rounding leaves
+            former = plan.model_copy(update={"start_s": store.run(self.store, before.run_id)["start_s"]})
+            after_s = round(plan.start_s - former.instant_s(before.cycle), 6)  # without what rounding leaves
             if former == plan or 0.0 <= after_s <= RESUME_WITHIN_S:
                 plan = former
             else:
-                LOG.warning(
-                    f"a new run begins: run {before[0]} ended {after_s:.0f} s ago, needed {RESUME_WITHIN_S:g} s or less"
-                )
+                why = f"run {before.run_id} ended {after_s:.0f} s ago, needed {RESUME_WITHIN_S:g} s or less"
                 before = None
+        if why is not None:
+            LOG.warning(f"a new run begins: {why}")
         self.plan, self.most = plan, (0, plan.start_s)
         if before is not None:
-            self.run_id, point = before[0], checkpoint.load_point(before[2], before[0])
-            store.resume_run(self.store, self.run_id, by_server=live is not None)
+            self.run_id, point = before.run_id, before.point
+            store.resume_run(self.store, self.run_id, version=version(), settings=settings, by_server=live is not None)
+            if before.said is not None:
+                LOG.warning(before.said)
         else:
             self.run_id = store.begin_run(
                 self.store,

@@ -44,6 +44,7 @@ from coastwatch.store.recording import replay as replay
 from coastwatch.store.rows import INSTANTS as INSTANTS
 from coastwatch.store.rows import Rows as Rows
 from coastwatch.store.rows import Table as Table
+from coastwatch.store.runs import Unfinished as Unfinished
 from coastwatch.store.runs import begin_run as begin_run
 from coastwatch.store.runs import delete_run as delete_run
 from coastwatch.store.runs import discard_runs as discard_runs
@@ -53,15 +54,15 @@ from coastwatch.store.runs import last_good_run as last_good_run
 from coastwatch.store.runs import last_instant as last_instant
 from coastwatch.store.runs import latest_run as latest_run
 from coastwatch.store.runs import newest_picture as newest_picture
+from coastwatch.store.runs import read_checkpoint as read_checkpoint
 from coastwatch.store.runs import refuse_second_writer as refuse_second_writer
-from coastwatch.store.runs import resume_point as resume_point
 from coastwatch.store.runs import resume_run as resume_run
 from coastwatch.store.runs import run as run
 from coastwatch.store.runs import run_status as run_status
 from coastwatch.store.runs import runs as runs
 from coastwatch.store.runs import set_verdict as set_verdict
 from coastwatch.store.runs import sole_server as sole_server
-from coastwatch.store.runs import why_not_resumed as why_not_resumed
+from coastwatch.store.runs import unfinished_runs as unfinished_runs
 from coastwatch.store.schema.database import NoSuchRunError as NoSuchRunError
 from coastwatch.store.schema.database import NotThere as NotThere
 from coastwatch.store.schema.database import QueryLimit as QueryLimit

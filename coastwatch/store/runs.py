@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any, TypedDict, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, cast
 
 import numpy as np
 from sqlalchemy import ColumnElement, Connection, Executable, RowMapping, Table, delete, func, insert, select, true, update
@@ -19,7 +18,7 @@ from coastwatch.errors import InputError, StoreError
 from coastwatch.store.journal import decompressed
 from coastwatch.store.processes import Presence, presence, this_process
 from coastwatch.store.rows import Rows, fetch_rows
-from coastwatch.store.schema.database import NotThere, Store, as_json, now_utc, reading, refusals, writing
+from coastwatch.store.schema.database import NotThere, Store, now_utc, reading, refusals, writing
 from coastwatch.store.schema.tables import (
     AIS_FEED,
     CHECKPOINT,
@@ -111,10 +110,10 @@ def begin_run(
     return run_id
 
 
-def resume_run(store: Store, run_id: int, *, by_server: bool = False) -> None:
+def resume_run(store: Store, run_id: int, *, version: str, settings: Mapping[str, object], by_server: bool = False) -> None:
     """Note that this process goes on with a run, which is then `running` again.
 
-    Args: by_server: a server writes it, and is refused where another one writes a run.
+    Args: version, settings: from now on; by_server: a server writes it, and is refused where another one writes a run.
     Raises: StoreError; InputError, as of `refuse_second_writer`.
     """
     machine, process = this_process()
@@ -122,7 +121,7 @@ def resume_run(store: Store, run_id: int, *, by_server: bool = False) -> None:
         if by_server:
             _refuse_second_writer(connection, store)
         again = {"status": "running", "machine": machine, "process": process, "written_utc": now_utc(connection)}
-        again |= {"command": SERVER} if by_server else {}
+        again |= {"version": version, "settings": dict(settings)} | ({"command": SERVER} if by_server else {})
         connection.execute(update(RUN).where(RUN.c.id == run_id).values(finished_utc=None, **again))
 
 
@@ -195,50 +194,29 @@ def _refuse_second_writer(connection: Connection, store: Store) -> None:
             )
 
 
-def resume_point(
-    store: Store, scenario: str, seed: int, version: str, settings: Mapping[str, object] | None = None
-) -> tuple[int, int, bytes] | None:
-    """Run, cycle and memory of the newest checkpoint of an unfinished run of this scenario, seed and version; None without one.
+class Unfinished(NamedTuple):
+    """A run that has not finished, with its newest checkpoint."""
 
-    Args: settings: where given, a run under other settings does not count.
-    Raises: StoreError.
-    """
-    query = select(RUN.c.id, RUN.c.settings, CHECKPOINT.c.cycle).join(CHECKPOINT, CHECKPOINT.c.run_id == RUN.c.id)
-    query = query.where(RUN.c.scenario == scenario, RUN.c.seed == seed, RUN.c.version == version, RUN.c.status != "finished")
+    run_id: int
+    version: str
+    settings: Mapping[str, object]  # the scenario as a document
+    cycle: int  # of the checkpoint
+
+
+def unfinished_runs(store: Store, scenario: str, seed: int) -> list[Unfinished]:
+    """The runs of a scenario and seed that have a checkpoint and have not finished, newest first. Raises: StoreError."""
+    r, of_run = RUN.c, CHECKPOINT.join(RUN, RUN.c.id == CHECKPOINT.c.run_id)
+    query = select(r.id, r.version, r.settings, CHECKPOINT.c.cycle).select_from(of_run).where(CHECKPOINT.c.piece == 0)
+    query = query.where(r.scenario == scenario, r.seed == seed, r.status != "finished").order_by(r.id.desc())
     with reading(store) as connection:
-        for run_id, stored, cycle in connection.execute(query.where(CHECKPOINT.c.piece == 0).order_by(RUN.c.id.desc())):
-            if settings is None or stored == json.loads(as_json(settings)):
-                pieces = select(CHECKPOINT.c.memory).where(CHECKPOINT.c.run_id == run_id).order_by(CHECKPOINT.c.piece)
-                return run_id, cycle, decompressed(b"".join(connection.scalars(pieces)))
-    return None
+        return [Unfinished(*row) for row in connection.execute(query)]
 
 
-def why_not_resumed(store: Store, scenario: str, seed: int, version: str, settings: Mapping[str, object]) -> str | None:
-    """What differs in the newest unfinished run of a scenario and seed that has a checkpoint, where `resume_point` finds none.
-
-    None: there is no such run. Raises: StoreError.
-    """
-    query = select(RUN.c.id, RUN.c.version, RUN.c.settings).join(CHECKPOINT, CHECKPOINT.c.run_id == RUN.c.id)
-    query = query.where(RUN.c.scenario == scenario, RUN.c.seed == seed, RUN.c.status != "finished")
+def read_checkpoint(store: Store, run_id: int) -> bytes:
+    """The memory of the newest checkpoint of a run. Raises: StoreError."""
+    pieces = select(CHECKPOINT.c.memory).where(CHECKPOINT.c.run_id == run_id).order_by(CHECKPOINT.c.piece)
     with reading(store) as connection:
-        newest = connection.execute(query.order_by(RUN.c.id.desc()).limit(1)).one_or_none()
-    if newest is None:
-        return None
-    if newest.version != version:
-        return f"run {newest.id} is of version {newest.version}, this is {version}"
-    before, now = dict(_leaves(newest.settings)), dict(_leaves(json.loads(as_json(settings))))
-    names = [name for name in sorted(before.keys() | now.keys()) if before.get(name) != now.get(name)]
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return f"run {newest.id} had other settings: {', '.join(names[:MOST_NAMED])}{more}"
-
-
-def _leaves(settings: object, path: str = "") -> Iterator[tuple[str, object]]:
-    """Each value of some settings that is no table, with its path."""
-    if not isinstance(settings, Mapping):
-        yield path, settings
-        return
-    for key, value in settings.items():
-        yield from _leaves(value, f"{path}.{key}" if path else key)
+        return decompressed(b"".join(connection.scalars(pieces)))
 
 
 def discard_runs(store: Store, scenario: str, seed: int | None = None) -> list[int]:

@@ -108,8 +108,9 @@ def test_a_run_that_goes_on_from_a_checkpoint_ends_as_one_that_never_stopped(
             world.write(store, run, number, checkpoint=b"x" * 100_000 if number == again_from - 1 else None)
         kept.finish_run(store, run, "interrupted")
     with kept.open_store(url) as store:
-        point = kept.resume_point(store, "sea", 1, "0.1.0", {"period_s": world.PERIOD_S})
-        assert point == ((run, again_from - 1, b"x" * 100_000) if again_from else None)
+        found = [(one.run_id, one.cycle) for one in kept.unfinished_runs(store, "sea", 1)]
+        assert found == ([(run, again_from - 1)] if again_from else [])
+        assert not again_from or kept.read_checkpoint(store, run) == b"x" * 100_000
         for number in range(again_from, 14):
             world.write(store, run, number)
             assert number > again_from or check(url) == []
@@ -135,27 +136,28 @@ def test_a_checkpoint_larger_than_a_piece_comes_back_whole(url: str, monkeypatch
         run = world.begin(store)
         for number, said in enumerate((memory, memory[:1000], b"", memory[::-1])):
             world.write(store, run, number, checkpoint=said)
-            assert kept.resume_point(store, "sea", 1, "0.1.0") == (run, number, said)
+            assert kept.unfinished_runs(store, "sea", 1)[0].cycle == number
+            assert kept.read_checkpoint(store, run) == said
         with reading(store) as connection:
             assert connection.execute(text("SELECT count(*) FROM checkpoint")).scalar_one() == 4
     assert check(url) == []
 
 
-def test_only_an_unfinished_run_of_the_same_kind_is_resumed(url: str) -> None:
+def test_unfinished_runs_are_those_of_a_scenario_and_seed_with_a_checkpoint(url: str) -> None:
     with kept.open_store(url) as store:
         run = world.begin(store)
-        assert kept.resume_point(store, "sea", 1, "0.1.0") is None
+        assert kept.unfinished_runs(store, "sea", 1) == []
         world.write(store, run, 0)
-        assert kept.resume_point(store, "sea", 1, "0.1.0") == (run, 0, b"memory 0")
-        assert kept.resume_point(store, "sea", 2, "0.1.0") is None
-        assert kept.resume_point(store, "sea", 1, "0.2.0") is None
-        assert kept.resume_point(store, "lake", 1, "0.1.0") is None
-        assert kept.resume_point(store, "sea", 1, "0.1.0", {"period_s": 4.0}) is None
-        assert kept.why_not_resumed(store, "sea", 1, "0.1.0", {"period_s": 4.0}) == f"run {run} had other settings: period_s"
-        assert kept.why_not_resumed(store, "sea", 1, "0.2.0", {}) == f"run {run} is of version 0.1.0, this is 0.2.0"
-        assert kept.why_not_resumed(store, "lake", 1, "0.1.0", {}) is None
+        (found,) = kept.unfinished_runs(store, "sea", 1)
+        assert found == (run, "0.1.0", {"period_s": world.PERIOD_S}, 0)
+        assert kept.read_checkpoint(store, run) == b"memory 0"
+        assert kept.unfinished_runs(store, "sea", 2) == kept.unfinished_runs(store, "lake", 1) == []
+        later = world.begin(store)
+        world.write(store, later, 0)
+        assert [one.run_id for one in kept.unfinished_runs(store, "sea", 1)] == [later, run]
+        kept.finish_run(store, later, "finished")
         kept.finish_run(store, run, "finished")
-        assert kept.resume_point(store, "sea", 1, "0.1.0") is None
+        assert kept.unfinished_runs(store, "sea", 1) == []
 
 
 def test_discarded_runs_leave_nothing_and_others_stay(url: str) -> None:
@@ -234,7 +236,7 @@ def test_a_second_writer_is_refused_while_the_process_of_the_first_lives(url: st
         with pytest.raises(InputError, match=said):
             kept.refuse_second_writer(store)
         with pytest.raises(InputError, match=said):
-            kept.resume_run(store, run, by_server=True)
+            kept.resume_run(store, run, version="0.1.0", settings={}, by_server=True)
         with pytest.raises(InputError, match=said):
             world.begin(store, by_server=True)
         assert sorted(kept.runs(store).column("id")) == [job, run]
@@ -247,4 +249,4 @@ def test_a_second_writer_is_refused_while_the_process_of_the_first_lives(url: st
         stat = Path(f"/proc/{made.pid}/stat")
         while stat.exists() and ") Z " not in stat.read_text():  # nobody has asked how it ended
             time.sleep(0.01)
-        kept.resume_run(store, run, by_server=True)
+        kept.resume_run(store, run, version="0.1.0", settings={}, by_server=True)

@@ -62,11 +62,10 @@ def test_killed_at_any_moment_it_holds_whole_cycles_and_goes_on(url: str) -> Non
         assert writer.exitcode == -9
         assert check(url) == []
         with kept.open_store(url, create=False) as store:
-            point = kept.resume_point(store, "sea", 1, "0.1.0")
-            assert point is not None
-            assert point[1] > newest
-            newest = point[1]
-            assert point == (run, newest, b"memory %d" % newest)
+            (point,) = kept.unfinished_runs(store, "sea", 1)
+            assert point.cycle > newest
+            newest = point.cycle
+            assert (point.run_id, kept.read_checkpoint(store, run)) == (run, b"memory %d" % newest)
             assert kept.runs(store).column("cycles_stored") == [newest + 1]
             assert kept.picture(store, run).column("time_s")[0] == world.instant_s(newest)
     with kept.open_store(url) as store:
