@@ -28,8 +28,6 @@ from zstandard import ZstdCompressor, ZstdDecompressor
 
 revision = "0007"
 down_revision = "0006"
-branch_labels = None
-depends_on = None
 
 Words = NDArray[np.uint64]
 Ints = NDArray[np.int64]

@@ -5,8 +5,6 @@ from alembic import op
 
 revision = "0015"
 down_revision = "0014"
-branch_labels = None
-depends_on = None
 
 WHOLE = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
 GRIDS = ("ais_detection", "ais_looks", "track_detection", "track_looks", "false_plots_per_km2")

@@ -5,8 +5,6 @@ from alembic import op
 
 revision = "0023"
 down_revision = "0022"
-branch_labels = None
-depends_on = None
 
 SAME = " AND ".join(f"a.{name} = event.{name}" for name in ("run_id", "vessel_id", "kind", "subject", "from_cycle"))
 
