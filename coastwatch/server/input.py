@@ -32,23 +32,23 @@ class Input(Protocol):
         ...
 
     def due_s(self, until_s: float) -> float:
-        """When, by the clock of this machine, a cycle that ends at an instant can begin to be computed."""
-        ...
+        """When, by the clock of this machine, a cycle that ends at an instant can begin to be computed: here at once."""
+        return 0.0
 
     def wait(self, until_s: float, stop: threading.Event) -> bool:
         """Wait until all reports up to an instant have come. Returns: False: `stop` was set before."""
         ...
 
     def intake(self) -> Sequence[Intake]:
-        """The cycles of regions in the reports of the newest cycle."""
-        ...
+        """The cycles of regions in the reports of the newest cycle: here none."""
+        return ()
 
     def feeds(self) -> Sequence[FeedState]:
-        """The feeds with their counters."""
-        ...
+        """The feeds with their counters: here none."""
+        return ()
 
 
-class AtOnce:
+class AtOnce(Input):
     """The input of a scenario as fast as cycles are computed. It is read when this is made."""
 
     def __init__(self, scenario: Scenario, sensors: Sensors, seed: int) -> None:
@@ -60,24 +60,12 @@ class AtOnce:
         """As of `Input`."""
         return self.recording, self.plan
 
-    def due_s(self, until_s: float) -> float:
-        """As of `Input`: any cycle is due at once."""
-        return 0.0
-
     def wait(self, until_s: float, stop: threading.Event) -> bool:
         """As of `Input`: nothing is waited for, and the run looks at `stop` after each cycle."""
         return True
 
-    def intake(self) -> Sequence[Intake]:
-        """As of `Input`: it has no regions."""
-        return ()
 
-    def feeds(self) -> Sequence[FeedState]:
-        """As of `Input`: it has none."""
-        return ()
-
-
-class Paced:
+class Paced(Input):
     """The input of a scenario at the speed of a clock. A simulation begins now, a recording where it begins."""
 
     def __init__(self, speed: float = 1.0) -> None:
@@ -104,11 +92,3 @@ class Paced:
     def wait(self, until_s: float, stop: threading.Event) -> bool:
         """As of `Input`."""
         return not stop.wait(max(self.due_s(until_s) - clock.now_s(), 0.0))
-
-    def intake(self) -> Sequence[Intake]:
-        """As of `Input`: it has no regions."""
-        return ()
-
-    def feeds(self) -> Sequence[FeedState]:
-        """As of `Input`: it has none."""
-        return ()

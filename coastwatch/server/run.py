@@ -29,7 +29,7 @@ from coastwatch.server.timing import Stopwatch
 from coastwatch.server.video_health import PlotsOfVideo
 from coastwatch.server.warm_up import warm_up
 from coastwatch.server.watched_zones import WatchedZones
-from coastwatch.server.writer import CycleWriter, batch_writer
+from coastwatch.server.writer import BatchWriter, CycleWriter
 from coastwatch.shipped import DEFAULT_DB
 from coastwatch.stage import Plan
 from coastwatch.store import CycleRecord, ForCentres, SkippedCycle, Store, Written
@@ -317,7 +317,7 @@ class _Run:
                 live.read_acknowledged(self.store, self.run_id)
 
             return live.writer(self.run_id, self.watch, write_and_read, idle)
-        return batch_writer(self.watch, self.scenario.store.overlap and self.store.shared, write)
+        return BatchWriter(self.watch, self.scenario.store.overlap and self.store.shared, write)
 
     def lost_workers(self) -> Iterator[Fault]:
         """The workers that were lost and replaced."""

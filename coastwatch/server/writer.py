@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from coastwatch.server.timing import Stopwatch
@@ -103,34 +102,24 @@ class Writer(Generic[T]):
         return result, time.perf_counter() - started
 
 
-class BatchWriter:
+class BatchWriter(Writer[Written]):
     """The writer of a run that is not live: the run waits for the database, and ends with its error."""
 
-    def __init__(self, jobs: Writer[Written], write: Callable[[CycleRecord], Written]) -> None:
-        self._jobs, self._write = jobs, write
-
-    @property
-    def is_idle(self) -> bool:
-        """As of `CycleWriter`."""
-        return self._jobs.is_idle
+    def __init__(self, watch: Stopwatch, overlap: bool, write: Callable[[CycleRecord], Written]) -> None:
+        """Args: overlap: write in a thread, while the next cycles are computed."""
+        super().__init__(watch, overlap, BEHIND)
+        self._write = write
 
     def wait_for_room(self) -> str | None:
         """As of `CycleWriter`. Raises: StoreError: of an earlier cycle."""
-        before = self._jobs.wait()
+        before = self.wait()
         return None if before is None else before.warning
 
     def put(self, record: CycleRecord) -> None:
         """As of `CycleWriter`."""
-        self._jobs.start(lambda: self._write(record))
+        self.start(lambda: self._write(record))
 
     def later(self, job: Callable[[], Any]) -> None:
         """As of `CycleWriter`. Raises: StoreError: of an earlier cycle."""
-        self._jobs.wait()
-        self._jobs.start(job)
-
-
-@contextmanager
-def batch_writer(watch: Stopwatch, overlap: bool, write: Callable[[CycleRecord], Written]) -> Iterator[BatchWriter]:
-    """The writer of a run that is not live. Args: overlap: write in a thread, while the next cycles are computed."""
-    with Writer[Written](watch, overlap, BEHIND) as jobs:
-        yield BatchWriter(jobs, write)
+        self.wait()
+        self.start(job)
