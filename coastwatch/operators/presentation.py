@@ -18,6 +18,7 @@ from coastwatch.operators.typed import Box
 from coastwatch.spelling import did_you_mean
 from coastwatch.store import QueryLimit, Rows, Store, Table
 from coastwatch.store.read.questions import ParameterError
+from coastwatch.store.runs import ENDLESS
 from coastwatch.store.runs import Run as Run
 
 MAIN_COLUMNS = (
@@ -57,9 +58,6 @@ STATISTICS = {
     "bearing_windowed_covariance": "distance of bearing and rate over their covariance, squared: smaller is surer",
 }
 """What the statistic of an association means, by the method that decided."""
-
-ENDLESS = 100_000_000
-"""A run with so many cycles is live."""
 
 LAST = 2**62
 """The last cycle of a stay that lasts."""

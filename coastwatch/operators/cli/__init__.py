@@ -24,7 +24,7 @@ VALUES = {"--bbox": r"-[\d.]", "--tracks-origin": r"-[\d.]", "--track-site": r"-
 REPAIRABLE = InputError, FileNotFoundError, FileExistsError, IsADirectoryError, NotADirectoryError, PermissionError
 """What the caller can repair: the errors of Coastwatch that say so, and the names of files."""
 
-DONE, FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 0, 1, 2, 130, 141
+DONE, FAILED, BAD_INPUT, FELL, INTERRUPTED, PIPE_CLOSED = 0, 1, 2, 4, 130, 141
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

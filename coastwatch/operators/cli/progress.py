@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import Protocol
 
 import lazy_loader
 
@@ -17,8 +16,7 @@ tqdm = lazy_loader.load("tqdm")  # only a terminal has a bar
 FIRST_LINE_S, LINE_EVERY_S = 2.0, 10.0
 
 
-class Progress(Protocol):
-    def __call__(self, done: int, total: int, what: str) -> None: ...
+Progress = Callable[[int, int, str], None]
 
 
 @contextmanager

@@ -5,11 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 
-from coastwatch.operators.cli import progress
+from coastwatch.operators.cli import DONE, FELL, INTERRUPTED, progress
 from coastwatch.operators.plot import draw_run
 from coastwatch.reproduction import finished_runs, planning, published, report, running
-
-INTERRUPTED, FAILED = 130, 4  # exit codes, as in the help of `coastwatch`
 
 
 def reproduce(options: argparse.Namespace) -> int:
@@ -39,4 +37,4 @@ def reproduce(options: argparse.Namespace) -> int:
         print(line)
     print(report.written_page(kept, figures))
     print(report.written_numbers(kept, figures))
-    return FAILED if figures.failures else 0
+    return FELL if figures.failures else DONE

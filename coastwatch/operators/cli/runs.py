@@ -9,12 +9,10 @@ import sys
 from coastwatch import store
 from coastwatch.formats.intake.accounts import LOSSES
 from coastwatch.operators import tracks_csv, verdict
-from coastwatch.operators.cli import inputs, progress, summary
+from coastwatch.operators.cli import DONE, FAILED, FELL, INTERRUPTED, inputs, progress, summary
 from coastwatch.scenario import Scenario, load_scenario, scenario_names
 from coastwatch.server.run import OnCycle, RunResult, run_scenario
 from coastwatch.spelling import json_value, printable, printable_lines
-
-LOST_RECORDS, FELL, INTERRUPTED = 1, 4, 130
 
 
 def run(options: argparse.Namespace) -> int:
@@ -60,7 +58,7 @@ def carry_out(scenario: Scenario, options: argparse.Namespace, seed: int | None,
     if getattr(options, "keep", None) is not None:
         with store.open_store(result.database) as opened:
             store.keep_runs(opened, options.keep, result.scenario)
-    return LOST_RECORDS if has_lost else FELL if has_fallen else 0
+    return FAILED if has_lost else FELL if has_fallen else DONE
 
 
 def fell(result: RunResult, options: argparse.Namespace) -> bool:

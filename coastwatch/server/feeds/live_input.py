@@ -44,6 +44,7 @@ from coastwatch.server.regions.intake import RegionIntake, resumed
 from coastwatch.server.video_health import VideoHealth
 from coastwatch.stage import Plan
 from coastwatch.store import Intake
+from coastwatch.store.runs import ENDLESS
 
 Clock = Literal["wall", "feeds"]
 POLL_S = 0.05
@@ -64,10 +65,6 @@ MANY_SET_ASIDE = 1_000
 
 FIRST_S = 0.0
 """Before the first cycle of any region: one cycle of each is taken."""
-
-ENDLESS = 100_000_000
-"""Cycles of a live run: ten years of cycles of 3 s."""
-
 
 PART = 5_000
 """Lines or datagrams of a feed that are decoded at a time."""
