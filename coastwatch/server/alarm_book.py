@@ -9,7 +9,6 @@ import re
 import threading
 from collections import deque
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from typing import Literal, NamedTuple
 
@@ -19,7 +18,7 @@ from coastwatch.alarms import EventMemory
 from coastwatch.batches import ALARM_KINDS, BegunEvents, EventChanges, EventSpans
 from coastwatch.batches.kinds import EVENT_KINDS, IS_ALARM, PRIORITIES
 from coastwatch.server.listeners import Listeners
-from coastwatch.store import Acknowledgement, AlarmKey, Beginnings, Rows
+from coastwatch.store import Acknowledgement, AlarmKey, Beginnings, Rows, State
 
 MOST_ENDED = 20_000
 """Alarms that have ended and are kept: the oldest acknowledged ones go first, then the least urgent."""
@@ -69,6 +68,11 @@ class Alarm(NamedTuple):
         """Smaller for what comes first: by priority, then the newest."""
         return PRIORITIES[self.kind], -self.start_s
 
+    def has(self, state: State) -> bool:
+        """Whether it is one of those that are asked for."""
+        waits = not self.is_acknowledged
+        return {"all": True, "lasting": self.lasts, "unacknowledged": waits, "waiting": self.lasts or waits}[state]
+
     def changes(self, before: Alarm | None) -> list[What]:
         """What has happened to it between two looks at the database. Args: before: as it was at the first; None: not there."""
         changes: list[What] = []
@@ -89,21 +93,6 @@ class Change(NamedTuple):
     number: int  # from 1 on, in order
     what: What
     alarm: Alarm  # as it was then
-
-
-@dataclass(frozen=True)
-class Chosen:
-    """Which alarms of a book."""
-
-    lasting: bool = False  # only those that last
-    unacknowledged: bool = False  # only those that nobody has acknowledged
-    waiting: bool = False  # only those that last or that nobody has acknowledged
-
-    def has(self, alarm: Alarm) -> bool:
-        """Whether an alarm is one of them."""
-        if (self.lasting and not alarm.lasts) or (self.unacknowledged and alarm.is_acknowledged):
-            return False
-        return not self.waiting or alarm.lasts or not alarm.is_acknowledged
 
 
 def id_of(key: AlarmKey) -> str:
@@ -221,10 +210,10 @@ class AlarmBook:
             self._listeners.tell()
         return len(alarms)
 
-    def alarms(self, chosen: Chosen = Chosen()) -> list[Alarm]:
+    def alarms(self, state: State = "all") -> list[Alarm]:
         """The alarms, the most urgent first, then the newest."""
         _, _, every = self.snapshot()
-        return sorted((alarm for alarm in every if chosen.has(alarm)), key=lambda alarm: alarm.urgency)
+        return sorted((alarm for alarm in every if alarm.has(state)), key=lambda alarm: alarm.urgency)
 
     def snapshot(self) -> tuple[int, int, list[Alarm]]:
         """The run, the number of the newest change, and all alarms as they are after it, in any order."""

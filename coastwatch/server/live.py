@@ -19,7 +19,7 @@ from coastwatch.cycle import LEFT_OUT
 from coastwatch.errors import StoreError
 from coastwatch.scenario import Scenario
 from coastwatch.server import clock
-from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook, Chosen, known_of
+from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook, known_of
 from coastwatch.server.checkpoint import CheckpointError, Point
 from coastwatch.server.input import Input
 from coastwatch.server.link import FeedState
@@ -268,7 +268,7 @@ class LiveRun:
             with store.open_store(self._database, create=False) as opened:
                 self._statics = stored_statics(opened, run_id, MOST_STATICS)
                 alarms = known_of(store.alarms_before(opened, run_id, events.time_s, MOST_ENDED), events)
-        before, left = self.alarms.run_id, len(self.alarms.alarms(Chosen(unacknowledged=True)))
+        before, left = self.alarms.run_id, len(self.alarms.alarms("unacknowledged"))
         if before == -1 and not point.cycle:  # the process before this one may have left some
             with store.open_store(self._database, create=False) as opened:
                 before, left = store.left_unacknowledged(opened, run_id) or (-1, 0)

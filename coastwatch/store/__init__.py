@@ -18,6 +18,7 @@ from coastwatch.store.journal import region_positions as region_positions
 from coastwatch.store.journal import run_key as run_key
 from coastwatch.store.read.alarms import Asked as Asked
 from coastwatch.store.read.alarms import Cursor as Cursor
+from coastwatch.store.read.alarms import State as State
 from coastwatch.store.read.alarms import alarms as alarms
 from coastwatch.store.read.alarms import alarms_before as alarms_before
 from coastwatch.store.read.alarms import changed_alarms as changed_alarms

@@ -11,7 +11,7 @@ from coastwatch.alarms import EventMemory
 from coastwatch.batches import ALARM_KINDS, BegunEvents, EventChanges, EventSpans
 from coastwatch.batches.kinds import DISTRESS, EVENT_KINDS, PRIORITIES
 from coastwatch.server import alarm_book
-from coastwatch.server.alarm_book import Alarm, AlarmBook, Chosen, id_of, key_of, known_of
+from coastwatch.server.alarm_book import Alarm, AlarmBook, id_of, key_of, known_of
 from coastwatch.store import Acknowledgement, AlarmKey, Beginnings, Rows
 
 pytestmark = pytest.mark.contract
@@ -87,10 +87,7 @@ def test_alarms_are_chosen_by_what_they_wait_for() -> None:
     book.apply(replace(EventChanges.empty(), ended=spans((2, "dark", 5.0, 8.0), (3, "dark", 5.0, 8.0))))
     for vessel in (1, 3):
         book.acknowledge(id_of(AlarmKey(vessel, "dark", 0, 5.0)), BY)
-    found = {
-        name: {alarm.vessel_id for alarm in book.alarms(Chosen(**{name: True}))}
-        for name in ("lasting", "unacknowledged", "waiting")
-    }
+    found = {name: {alarm.vessel_id for alarm in book.alarms(name)} for name in ("lasting", "unacknowledged", "waiting")}
     assert found == {"lasting": {1}, "unacknowledged": {2}, "waiting": {1, 2}}
 
 
@@ -100,7 +97,7 @@ def test_together_those_of_a_span_and_kind_are_acknowledged() -> None:
     book.apply(begun((1, "dark", 5.0), (2, "lost", 5.0), (3, "dark", 9.0), (4, "dark", 5.0004)))
     assert book.acknowledge_all(Beginnings(("dark",), None, 5.0, 5.0), BY, 0.0006) == 2
     assert book.acknowledge_all(Beginnings(("dark",), None, 5.0, 5.0), BY, 0.0006) == 0
-    assert {alarm.vessel_id for alarm in book.alarms(Chosen(unacknowledged=True))} == {2, 3}
+    assert {alarm.vessel_id for alarm in book.alarms("unacknowledged")} == {2, 3}
 
 
 def test_with_too_many_the_acknowledged_the_least_urgent_and_the_oldest_are_forgotten_and_none_that_lasts(

@@ -25,7 +25,7 @@ from coastwatch.operators.api.service import Service
 from coastwatch.operators.typed import utc
 from coastwatch.scenario import load_scenario
 from coastwatch.server import clock
-from coastwatch.server.alarm_book import Alarm, Chosen
+from coastwatch.server.alarm_book import Alarm
 from coastwatch.server.input import Paced
 from coastwatch.server.live import LiveRun
 from coastwatch.server.live_picture import stored_statics
@@ -113,7 +113,7 @@ def test_an_alarm_that_another_server_on_the_database_acknowledged_waits_here_no
             wait_for(lambda: service.hub.picture is not None, 300.0)  # kernels may be compiled first
             zone = {"name": "all", "kind": "circle", "centre_deg": centre_deg, "radius_nm": 100.0, "max_speed_kn": 0.5}
             assert httpx.post(f"http://{address}/api/v1/zones", json=zone, timeout=60.0).status_code == 201
-            waiting = Chosen(unacknowledged=True)
+            waiting = "unacknowledged"
             wait_for(lambda: run.alarms.alarms(waiting))
             alarm, by = run.alarms.alarms(waiting)[0], store.Acknowledgement(time.time(), "Ana", "seen", "other")
             wait_for(lambda: store.acknowledge(other, service.run_id(), AlarmKey(*alarm[:4]), by))

@@ -10,7 +10,7 @@ import secrets
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import suppress
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
@@ -36,7 +36,7 @@ from coastwatch.operators.api.validation import CheckedRoute
 from coastwatch.server.alarm_book import Alarm, Change
 from coastwatch.server.listeners import woken_by
 from coastwatch.spelling import ONE_LINE
-from coastwatch.store import Asked, Beginnings
+from coastwatch.store import Asked, Beginnings, State
 
 SILENCE_S = 15.0
 """Without a change a comment is sent so often."""
@@ -66,7 +66,7 @@ class ChosenAlarms(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     format: Form | None = None
-    state: Literal["all", "lasting", "unacknowledged", "waiting"] = "all"  # waiting: lasting or not acknowledged
+    state: State = "all"  # waiting: lasting or not acknowledged
     kind: Text = None
     start: Annotated[str | None, Field(alias="from", max_length=40)] = None
     end: Annotated[str | None, Field(alias="to", max_length=40)] = None

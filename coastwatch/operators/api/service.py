@@ -18,7 +18,7 @@ from coastwatch.operators import presentation
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.hub import Hub
 from coastwatch.operators.api.metrics import Metrics
-from coastwatch.server.alarm_book import Alarm, AlarmBook, Chosen, key_of
+from coastwatch.server.alarm_book import Alarm, AlarmBook, key_of
 from coastwatch.server.feeds.outgoing import OutFeed
 from coastwatch.server.link import FeedState
 from coastwatch.server.live import RunAbout
@@ -207,8 +207,7 @@ class Service:
         if asked.state == "all" or times != (None, None) or book.forgotten or book.run_id != self.run_id():
             stored, total = store.alarms(self.store, self.run_id(), asked)
             return self.rows_of([Alarm(*row) for row in stored.rows]), total
-        chosen = Chosen(asked.state == "lasting", asked.state == "unacknowledged", asked.state == "waiting")
-        every = [alarm for alarm in book.alarms(chosen) if alarm.kind in asked.kinds]
+        every = [alarm for alarm in book.alarms(asked.state) if alarm.kind in asked.kinds]
         return self.rows_of(every[asked.offset : asked.offset + asked.limit]), len(every)
 
     def rows_of(self, alarms: Sequence[Alarm]) -> Rows:
