@@ -34,6 +34,9 @@ from coastwatch.store.schema.tables import (
 if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to import
     from coastwatch.stage import Plan
 
+ENDLESS = 100_000_000
+"""Planned cycles of a live run: ten years of cycles of 3 s."""
+
 STATUSES = ("running", "finished", "interrupted", "failed")
 LARGEST = 2**63
 
@@ -69,7 +72,6 @@ def begin_run(
     plan: Plan,
     warmup_cycles: int = 0,
     workers: int = 1,
-    faults: Sequence[Fault] = (),
     feeds: Sequence[str] = (),
     by_server: bool = False,
 ) -> int:
@@ -94,7 +96,7 @@ def begin_run(
         "warmup_cycles": warmup_cycles,
         "start_s": plan.start_s,
         "workers": workers,
-        "faults": [asdict(fault) for fault in faults],
+        "faults": [],
         "machine": machine,
         "process": process,
     }

@@ -239,4 +239,4 @@ def write_and_say(store: Store, run_id: int, number: int, vessels: int = 30, **m
     record = CycleRecord(number, cycle, given["reports"], SECONDS, given["checkpoint"], given["last"], used)
     if "video" in given:
         record = replace(record, video=given["video"])
-    return write_cycle(store, run_id, record, given["keep"], given.get("skipped", ()))
+    return write_cycle(store, run_id, record, given["keep"])

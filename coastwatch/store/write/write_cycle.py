@@ -103,23 +103,20 @@ class CycleRecord:
         )
 
 
-def write_cycle(
-    store: Store, run_id: int, record: CycleRecord, keep: StoreSettings, skipped: Sequence[SkippedCycle] = ()
-) -> Written:
+def write_cycle(store: Store, run_id: int, record: CycleRecord, keep: StoreSettings) -> Written:
     """Write all results of one cycle in one transaction: after a SIGKILL the cycle is there whole or not at all. Old rows go in another.
 
     The cycle becomes the newest of its run: where the database already holds it or later ones (a run that goes on from an older
     checkpoint), those are replaced in the same transaction.
 
-    Args: keep: which tables get rows, and how often; skipped: the cycles between the newest one of the run and this one, but those
-    that are merged in it.
+    Args: keep: which tables get rows, and how often.
     Returns: rows written, and a warning for the operator.
     Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
     """
     number, picture, members = record.number, record.cycle.picture, to_rows.membership(record.cycle)
     if not (np.diff(picture.vessel_id) > 0).all():
         picture = picture.take(np.argsort(picture.vessel_id, kind="stable"))
-    skipped = (*skipped, *record.merged)
+    skipped = record.merged
     database.require_room_for_log(store, len(picture))
     try:
         with database.writing(store) as connection:
