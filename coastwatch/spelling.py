@@ -1,9 +1,10 @@
-"""Texts that people type or read: suggestions for a misspelt name, lines without control characters, values for JSON."""
+"""Texts that people type or read: suggestions for a misspelt name, instants, lines without control characters, values for JSON."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
 from typing import Any
 
 ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f]*$"
@@ -17,6 +18,11 @@ def did_you_mean(got: str, names: Iterable[str]) -> str:
     listed = {name.lower(): name for name in names}
     similar = difflib.get_close_matches(got.lower(), listed, n=1, cutoff=0.6)
     return f"; did you mean {listed[similar[0]]!r}?" if similar else ""
+
+
+def utc_text(time_s: float, timespec: str = "milliseconds") -> str:
+    """Seconds since the Unix epoch as ISO 8601 text, UTC. Args: timespec: as of `datetime.isoformat`; "auto": no fraction where it is 0."""
+    return datetime.fromtimestamp(time_s, UTC).isoformat(timespec=timespec).replace("+00:00", "Z")
 
 
 def printable(text: str) -> str:

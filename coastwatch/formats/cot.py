@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from datetime import UTC, datetime
 from xml.sax.saxutils import quoteattr
 
 from coastwatch.formats.format import Format, Vessels, rounded_deg
 from coastwatch.geodesy import NAUTICAL_MILE_M
+from coastwatch.spelling import utc_text
 
 STALE_CYCLES = 3
 CE90 = 2.146  # radius of 90 % over the standard deviation per axis
@@ -20,7 +20,7 @@ class CursorOnTarget:
 
     def messages(self, vessels: Vessels) -> Iterator[bytes]:
         """As of `Encoder`."""
-        now, stale = _iso(vessels.time_s), _iso(vessels.time_s + STALE_CYCLES * vessels.period_s)
+        now, stale = utc_text(vessels.time_s), utc_text(vessels.time_s + STALE_CYCLES * vessels.period_s)
         columns = (vessels.vessel_id, *vessels.position_deg.T, vessels.sog_kn, vessels.cog_deg, vessels.major_m, vessels.mmsi)
         for vessel, latitude, longitude, sog, cog, major, mmsi, name in zip(
             *(column.tolist() for column in columns), vessels.name, strict=True
@@ -35,10 +35,6 @@ class CursorOnTarget:
                 f'start="{now}" stale="{stale}"><point lat="{latitude:.7f}" lon="{longitude:.7f}" hae="{UNKNOWN}" ce="{ce:.1f}" '
                 f'le="{UNKNOWN}"/><detail><contact callsign={quoteattr(call)}/>{moving}</detail></event>\n'
             ).encode()
-
-
-def _iso(time_s: float) -> str:
-    return datetime.fromtimestamp(time_s, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
 
 
 COT = Format("cot", pictures=lambda to: CursorOnTarget())

@@ -17,13 +17,12 @@ from coastwatch.batches import Array, Floats, RadarVideo, Videos
 from coastwatch.errors import InputError
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.operators.output_file import written
-from coastwatch.operators.presentation import utc_text
 from coastwatch.plots import ExtractionInput, HeadingMemory, true_azimuths
 from coastwatch.scenario import Scenario
 from coastwatch.sensors import SimulatedVideo, VideoFiles
 from coastwatch.sensors.recorded.tables.feed import Tables
 from coastwatch.server.live_video import COARSE_BITS, FIRST_DB, SHADES, STEP_DB, shades_of
-from coastwatch.spelling import did_you_mean, printable
+from coastwatch.spelling import did_you_mean, printable, utc_text
 
 matplotlib.use("Agg")
 

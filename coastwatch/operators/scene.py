@@ -13,9 +13,9 @@ from coastwatch.errors import InputError
 from coastwatch.formats import coastline
 from coastwatch.formats.coastline import Shore
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg, scale_m_deg, wrap_deg
-from coastwatch.operators.presentation import Run, ending, utc_text
+from coastwatch.operators.presentation import Run, ending
 from coastwatch.shipped import scenarios_folder
-from coastwatch.spelling import printable
+from coastwatch.spelling import printable, utc_text
 from coastwatch.store import Rows, Store, Table
 
 RADAR, STATION, BEARING = "radar", "station", "bearing"

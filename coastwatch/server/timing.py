@@ -10,8 +10,9 @@ from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
+
+from coastwatch.spelling import utc_text
 
 KEPT = 20_000
 """Cycles of which times are kept, 8 bytes a stage each: a run of a server lasts for months. Totals are of all cycles."""
@@ -74,7 +75,7 @@ class Stopwatch:
 
 def date_utc() -> str:
     """The date and time now, ISO 8601, whole minutes."""
-    return datetime.now(UTC).isoformat(timespec="minutes").replace("+00:00", "Z")
+    return utc_text(time.time(), "minutes")
 
 
 def machine() -> dict[str, str | int | float]:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, cast
 
 import numpy as np
@@ -15,6 +15,7 @@ from sqlalchemy.exc import DBAPIError
 
 from coastwatch.batches import Fault, Floats, Radars, Sensors, Sonars, SourceKind, Stations
 from coastwatch.errors import InputError, StoreError
+from coastwatch.spelling import utc_text
 from coastwatch.store.journal import decompressed
 from coastwatch.store.processes import Presence, presence, this_process
 from coastwatch.store.rows import Rows, fetch_rows
@@ -391,13 +392,9 @@ def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | No
     upto = select(CYCLE.c.number).where(CYCLE.c.run_id == run_id, *kept, *between(None, at_s))
     cycle = connection.scalar(upto.order_by(CYCLE.c.time_s.desc()).limit(1))
     if cycle is None and at_s is not None:
-
-        def text_utc(time_s: float) -> str:
-            return datetime.fromtimestamp(time_s, UTC).isoformat().replace("+00:00", "Z")
-
         first_s = connection.scalar(select(func.min(CYCLE.c.time_s)).where(CYCLE.c.run_id == run_id, *kept))
-        has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {text_utc(first_s)}"
-        raise NotThere(f"{store.where}: run {run_id} holds nothing up to {text_utc(at_s)}, {has}")
+        has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {utc_text(first_s, 'auto')}"
+        raise NotThere(f"{store.where}: run {run_id} holds nothing up to {utc_text(at_s, 'auto')}, {has}")
     return -1 if cycle is None else int(cycle)
 
 

@@ -7,6 +7,7 @@ import store_world as world
 
 from coastwatch import store as kept
 from coastwatch.operators import presentation
+from coastwatch.spelling import utc_text
 
 pytestmark = pytest.mark.contract
 
@@ -33,7 +34,7 @@ def test_the_last_ais_of_a_vessel_is_known_once_it_has_none(url, keeps_mmsi):
             mmsi[picture.vessel_id == VESSEL] = -1
             cycle = world.cycle_of(number, 30, replace(picture, mmsi=mmsi))
             world.write(store, run, number, cycle=replace(cycle, picture=picture) if keeps_mmsi else cycle)
-        until = presentation.utc_text(world.instant_s(3))
+        until = utc_text(world.instant_s(3))
         assert last_ais(store, run, VESSEL) == dict(zip(NONE, (str(MMSI), NAME, until), strict=True))
         assert presentation.vessel(store, presentation.run(store, run), VESSEL).details["mmsi"] == (
             str(MMSI) if keeps_mmsi else None

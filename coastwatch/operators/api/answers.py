@@ -25,6 +25,7 @@ from coastwatch.operators.selection import order, selected
 from coastwatch.operators.typed import box, utc
 from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture
 from coastwatch.shipped import scenarios_folder
+from coastwatch.spelling import utc_text
 from coastwatch.store import NotThere, Rows
 from coastwatch.store.bbox import Box, inside
 from coastwatch.store.read.picture_queries import COLUMNS
@@ -208,7 +209,7 @@ def picture(request: Request, service: In, form: As, chosen: Annotated[Chosen, Q
         rows = rows[order(lambda name: shown.column(name, rows), COLUMNS, _names(chosen.sort))]
     page = shown.rows(rows[chosen.offset : chosen.offset + chosen.limit])
     vessels = selected(presentation.in_operator_units(page), (), None, _names(chosen.columns))
-    head = {"run": shown.run_id, "cycle": shown.cycle, "time_utc": presentation.utc_text(shown.time_s), "total": len(rows)}
+    head = {"run": shown.run_id, "cycle": shown.cycle, "time_utc": utc_text(shown.time_s), "total": len(rows)}
     headers = page_headers(request, len(rows), chosen.offset, chosen.limit) | ({"ETag": tag} if tag else {})
     if at_s is not None and (warning := presentation.beyond_end(service.store, service.run_row(), at_s)):
         head["warning"] = headers["X-Warning"] = f"at: {warning}"
@@ -366,7 +367,7 @@ def cycles(service: In) -> dict[str, object]:
     run_row = service.run_row()
     newest = store.newest_picture(service.store, run_row["id"])
     first_s = run_row["start_s"] + run_row["period_s"]
-    span = (None, None) if newest is None else (presentation.utc_text(first_s), presentation.utc_text(newest[2]))
+    span = (None, None) if newest is None else (utc_text(first_s), utc_text(newest[2]))
     return {
         "first_utc": span[0],
         "last_utc": span[1],

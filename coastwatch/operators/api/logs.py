@@ -8,10 +8,10 @@ import re
 import sys
 import threading
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from typing import Any, Self
 
 from coastwatch.operators.api.service import Service
+from coastwatch.spelling import utc_text
 
 LOG = logging.getLogger("coastwatch.serve")
 POLL_S = 1.0
@@ -33,7 +33,7 @@ class _Lines(logging.Formatter):
             head = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
             line = f"coastwatch: {head}{record.getMessage()}" + (f" ({named})" if named else "")
             return f"{line}\n{trouble}" if trouble else line
-        when = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        when = utc_text(record.created)
         row = {"time": when, "level": record.levelname.lower(), "logger": record.name, "message": record.getMessage(), **fields}
         return json.dumps({**row, "trace": trouble} if trouble else row, default=str)
 

@@ -28,6 +28,7 @@ from coastwatch.server.live_writer import NotYetStored
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import version
 from coastwatch.server.troubles import Trouble, of_outs
+from coastwatch.spelling import utc_text
 from coastwatch.store import Acknowledgement, Asked, Beginnings, Rows, Store
 from coastwatch.store.acknowledgements import SAME_START_S
 from coastwatch.store.bbox import Box
@@ -305,8 +306,8 @@ class Service:
             "run_id": self.hub.run,
             "seq": self.hub.newest_seq,
             "cycle": picture.cycle,
-            "time_utc": presentation.utc_text(picture.time_s),
-            "server_utc": presentation.utc_text(time.time()),
+            "time_utc": utc_text(picture.time_s),
+            "server_utc": utc_text(time.time()),
             "age_s": round(self.metrics.age_s, 3),
             "period_s": about.period_s,
             "cycle_ms": None if cycle_s is None else round(cycle_s * 1e3, 1),
@@ -333,5 +334,5 @@ class Service:
 
 
 def _trouble_row(trouble: Trouble) -> dict[str, object]:
-    since = None if trouble.since_s is None else presentation.utc_text(trouble.since_s)
+    since = None if trouble.since_s is None else utc_text(trouble.since_s)
     return {"kind": trouble.kind, "name": trouble.name, "since_utc": since, "text": trouble.text, "serious": trouble.is_serious}

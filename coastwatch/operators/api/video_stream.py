@@ -19,9 +19,9 @@ from starlette.websockets import WebSocket
 from coastwatch.operators.api.answers import REFUSALS, In
 from coastwatch.operators.api.streaming import first_done, sent_in_time, take_messages
 from coastwatch.operators.api.validation import CheckedRoute
-from coastwatch.operators.presentation import utc_text
 from coastwatch.server.listeners import woken_by
 from coastwatch.server.live_video import RANGES, ROWS, SECTORS, SHADES, LiveVideo, Sector
+from coastwatch.spelling import utc_text
 
 PROTOCOL = "coastwatch.video.v1"
 HEADER = struct.Struct("<4sBBHIIIBBHH6xdddf4x")

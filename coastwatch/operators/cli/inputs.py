@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from coastwatch.operators.typed import Box
 from coastwatch.scenario import Scenario
 from coastwatch.scenario.sites import Radar, Station
 from coastwatch.server.run import RunResult
+from coastwatch.spelling import utc_text
 
 FIRST_RECORDING_S = 315_532_800.0  # 1980
 NEAR_DEG = 3.0
@@ -212,6 +212,4 @@ def _empty_picture(result: RunResult) -> Iterator[str]:
 
 
 def _utc(time_s: float) -> str:
-    if not math.isfinite(time_s):
-        return "-"
-    return datetime.fromtimestamp(time_s, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    return utc_text(time_s, "seconds") if math.isfinite(time_s) else "-"

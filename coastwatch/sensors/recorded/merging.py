@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -24,6 +23,7 @@ from coastwatch.errors import InputError
 from coastwatch.formats.intake.ais_validation import LATITUDE
 from coastwatch.formats.intake.faults import refused
 from coastwatch.formats.intake.reception_time import TIME_MISSING
+from coastwatch.spelling import utc_text
 
 REMEDY = "--set input.assume_start_utc=2026-07-01T12:00:00Z sets the time of the first sentence"
 SWAPPED = "positions are decimal degrees; --columns latitude=THEIR-LONGITUDE,longitude=THEIR-LATITUDE mends swapped ones"
@@ -90,7 +90,7 @@ def check_gaps(files: Sequence[FileTimes], after_s: float) -> None:
 
 
 def _utc(time_s: float) -> str:
-    return datetime.fromtimestamp(time_s, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    return utc_text(time_s, "seconds")
 
 
 class MergedStream:
