@@ -31,6 +31,7 @@ from coastwatch.batches import (
     Tracks,
     VesselAlarms,
     joint_keys,
+    member_rows,
     nav_status_text,
 )
 from coastwatch.batches.kinds import FLAG_NUMBERS, KINDS, Subject
@@ -118,15 +119,8 @@ class EvidenceContext:
 
     def members_of(self, vessel_id: Ints, picture: Picture) -> Ints:
         """(L, 3) vessel, source, track, sorted: the tracks of some vessels, those of bearings among them."""
-        m, bearings, pairs = self.members, self.bearing_tracks, self.bearing_associations
-        of_bearings = (
-            picture.vessel_id[pairs.vessel_row],
-            bearings.source[pairs.bearing_row],
-            bearings.track_id[pairs.bearing_row],
-        )
-        parts = [np.stack(columns, 1) for columns in ((m.vessel_id, m.source, m.track_id), of_bearings)]
-        wanted = np.unique(vessel_id)
-        rows = np.concatenate([part[find(wanted, part[:, 0]) >= 0] for part in parts])
+        rows = member_rows(self.members, picture.vessel_id, self.bearing_tracks, self.bearing_associations)
+        rows = rows[find(np.unique(vessel_id), rows[:, 0]) >= 0]
         return rows[np.lexsort(rows.T[::-1])]
 
 

@@ -78,6 +78,7 @@ from coastwatch.batches.yields import (
     VesselBearings,
     cover_cell,
     joint_keys,
+    member_rows,
 )
 from coastwatch.kernels.arrays import Array, Bools, Floats, Ints, Rows
 
@@ -162,6 +163,7 @@ __all__ = [
     "column",
     "cover_cell",
     "joint_keys",
+    "member_rows",
     "nav_status_text",
     "optional_column",
 ]

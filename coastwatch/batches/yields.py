@@ -272,6 +272,16 @@ class Members(Batch):
     source: Ints = column(np.int64, "L")
 
 
+def member_rows(members: Members, vessel_id: Ints, bearings: BearingTracks, pairs: BearingAssociations) -> Ints:
+    """(L, 3) vessel, source, track: the members, then the bearing tracks that were given to a vessel.
+
+    Args: vessel_id: (V,) of the rows of vessels in `pairs`; bearings: of its rows of bearing tracks.
+    """
+    of_bearings = vessel_id[pairs.vessel_row], bearings.source[pairs.bearing_row], bearings.track_id[pairs.bearing_row]
+    of_tracks = members.vessel_id, members.source, members.track_id
+    return np.concatenate([np.stack(columns, 1) for columns in (of_tracks, of_bearings)])
+
+
 @dataclass(frozen=True, eq=False)
 class BearingMembers(Batch):
     """Which bearing track was of which vessel at the end of a cycle: one row for each of the vessel's other tracks."""

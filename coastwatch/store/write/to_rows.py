@@ -21,6 +21,7 @@ from coastwatch.batches import (
     Reports,
     Spots,
     StandingEchoes,
+    member_rows,
 )
 from coastwatch.geodesy import ECCENTRICITY2
 from coastwatch.kernels.tables.lookup import find
@@ -85,14 +86,7 @@ def ais_intervals(picture: Picture, members: Members, alarms: AisAlarms) -> Floa
 
 def membership(cycle: Cycle) -> Ints:
     """(L, 3) vessel, source, track, sorted: the members of the picture and the bearing tracks that were given to a vessel."""
-    members, bearings, associations = cycle.members, cycle.bearing_tracks, cycle.bearing_associations
-    heard = (
-        cycle.picture.vessel_id[associations.vessel_row],
-        bearings.source[associations.bearing_row],
-        bearings.track_id[associations.bearing_row],
-    )
-    rows = np.stack([members.vessel_id, members.source, members.track_id], 1)
-    rows = np.concatenate([rows, np.stack(heard, 1)])
+    rows = member_rows(cycle.members, cycle.picture.vessel_id, cycle.bearing_tracks, cycle.bearing_associations)
     return _sorted(rows[np.argsort(rows[:, 0], kind="stable")])
 
 
