@@ -22,7 +22,7 @@ from coastwatch.server import clock
 from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook, known_of
 from coastwatch.server.checkpoint import CheckpointError, Point
 from coastwatch.server.input import Input
-from coastwatch.server.link import FeedState
+from coastwatch.server.link import Backoff, FeedState
 from coastwatch.server.live_picture import LivePicture, Statics, merge_statics, of_cycle, stored_statics, without_absent
 from coastwatch.server.live_writer import LiveWriter, WriterState
 from coastwatch.server.regions.publisher import Publisher
@@ -54,7 +54,7 @@ class NotRunning(StoreError):
 MOST_RESTARTS, RESTARTS_WITHIN_S = 5, 600.0
 """A run that fails is begun again from its checkpoint. One that fails more often in so long ends the process."""
 
-RESTART_WAIT_S = (1.0, 2.0, 5.0, 10.0, 30.0)
+RESTART = Backoff(1.0, 30.0)
 SHOWN_S = 600.0
 """For how long after it a restart is shown as a trouble."""
 
@@ -112,7 +112,7 @@ class LiveRun:
         resume: bool = True,
         publisher: Publisher | None = None,
         on_video: Callable[[Videos], None] | None = None,
-        restart_wait_s: Sequence[float] = RESTART_WAIT_S,
+        restart: Backoff = RESTART,
     ) -> None:
         """Args: resume: go on with the last run of this scenario, if it ended a short time ago; publisher: of a region's tracks;
         on_video: is given the radar video of each cycle.
@@ -128,7 +128,7 @@ class LiveRun:
         self.on_failed: Callable[[], None] = lambda: None  # called in the thread of the run when it has failed for good
         self.source, self._on_picture, self._statics = source, on_picture, Statics()
         self._publisher, self._on_video = publisher, on_video
-        self._resume, self._restart_wait_s = resume, tuple(restart_wait_s)
+        self._resume, self._restart = resume, restart
         self._database, self._workers = database, workers
         self._status: str | None = "starting"
         self._refused_zones: tuple[tuple[str, str], ...] = ()  # name, and why it is not watched
@@ -405,7 +405,7 @@ class LiveRun:
                     resume = True
                 elif self._reached or isinstance(error, CheckpointError):
                     resume = False  # a checkpoint that fails in its first cycle, or cannot be read, is left
-            self.stop.wait(self._restart_wait_s[min(self.restarts, len(self._restart_wait_s)) - 1])
+            self.stop.wait(self._restart.wait_s(self.restarts))
 
     def _goes_on(self, error: Exception) -> bool:
         """Note a failure. Returns: whether the run is begun again."""

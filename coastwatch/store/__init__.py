@@ -40,7 +40,6 @@ from coastwatch.store.read.sensors import sensors as sensors
 from coastwatch.store.read.sensors import sources as sources
 from coastwatch.store.read.sensors import standing_echoes as standing_echoes
 from coastwatch.store.recording import Recorded as Recorded
-from coastwatch.store.recording import recorded_at as recorded_at
 from coastwatch.store.recording import replay as replay
 from coastwatch.store.rows import INSTANTS as INSTANTS
 from coastwatch.store.rows import Rows as Rows

@@ -17,10 +17,9 @@ from sqlalchemy import Connection, delete, func, insert, select, update
 from zstandard import ZstdCompressor, ZstdDecompressor
 
 from coastwatch.batches import Array, Members, Picture
-from coastwatch.errors import StoreError
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.bbox import Box, inside
-from coastwatch.store.runs import between, newest_cycle, run_exists
+from coastwatch.store.runs import between, run_exists
 from coastwatch.store.schema.database import Store, reading
 from coastwatch.store.schema.tables import CYCLE, RECORDING
 
@@ -112,19 +111,6 @@ def replay(
             last = cycle.number
             picture, members = read_recorded(connection, run_id, last, bbox)
         yield Recorded(last, cycle.time_s, picture, members)
-
-
-def recorded_at(store: Store, run_id: int, at_s: float, bbox: Box | None = None) -> Recorded:
-    """The newest recorded cycle up to an instant. Args: bbox: as of `replay`.
-
-    Raises: StoreError where there is no such run, or nothing is recorded so early.
-    """
-    with reading(store) as connection:
-        run_exists(connection, store, run_id)
-        cycle = newest_cycle(connection, run_id, CYCLE.c.recorded, CYCLE.c.time_s <= at_s)
-        if cycle is None:
-            raise StoreError(f"{store.where}: run {run_id}: nothing is recorded up to then; `store.recording` records")
-        return Recorded(*cycle, *read_recorded(connection, run_id, cycle[0], bbox))
 
 
 def read_recorded(connection: Connection, run_id: int, cycle: int, bbox: Box | None) -> tuple[Picture, Members]:

@@ -84,7 +84,7 @@ def times(made: list[tuple[Picture, Members]], folder: str) -> None:
                 connection.execute(CYCLE.insert(), [cycle])
                 record(connection, run, number, picture, members)
             written = time.process_time()
-            store.recorded_at(kept, run, float(number))
+            list(store.replay(kept, run, float(number), float(number)))
             print(f"  written {1e3 * (written - begun):.0f} ms, read {1e3 * (time.process_time() - written):.0f} ms")
         columns = [column.name for column in RECORDING.columns][4:]
         sizes = ", ".join(f"sum(length({name})) * 1.0 / sum(vessels) AS {name}" for name in columns)

@@ -27,6 +27,7 @@ from coastwatch.scenario import load_scenario
 from coastwatch.server import clock
 from coastwatch.server.alarm_book import Alarm
 from coastwatch.server.input import Paced
+from coastwatch.server.link import Backoff
 from coastwatch.server.live import LiveRun
 from coastwatch.server.live_picture import stored_statics
 from coastwatch.store import AlarmKey
@@ -130,7 +131,7 @@ def test_a_log_that_a_reader_holds_is_said_and_a_run_that_is_deleted_begins_anew
     scenario = load_scenario("context-driven-100", {"period_s": "0.5", "warmup_s": "0", "cycles": "1000", "input.count": "10"})
     with store.open_store(str(path)) as opened:
         service = Service(opened)
-        given = {"database": f"sqlite:///{path}", "workers": 1, "resume": False, "restart_wait_s": (0.05,)}
+        given = {"database": f"sqlite:///{path}", "workers": 1, "resume": False, "restart": Backoff(0.05, 0.05)}
         run = LiveRun(scenario, Paced(), service.receive, **given)
         service.source = run
         with listening(service, web=tmp_path) as address, run:

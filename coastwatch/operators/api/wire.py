@@ -220,7 +220,8 @@ class Encoder:
 def encoded(picture: LivePicture) -> Vessels:
     """The vessels of a picture in the units of the wire. (V,) each"""
     columns = {
-        name: np.rint(picture.array(f"{name}itude_deg" if name == "lat" else "longitude_deg") * 1e7) for name in ("lon", "lat")
+        "lon": np.rint(picture.array("longitude_deg") * 1e7),
+        "lat": np.rint(picture.array("latitude_deg") * 1e7),
     }
     sog, cog = picture.array("sog_kn"), picture.array("cog_deg")
     is_known = np.isfinite(sog)

@@ -171,7 +171,7 @@ class LiveInput:
     ) -> None:
         """Args: regions: each is the track source of its name; on_video: as of `FeedSettings`. Raises: AddressError."""
         self._clock, self._lateness_s = clock, lateness_s
-        self._addresses, self._regions = regions, list[RegionIntake]()
+        self._region_addresses, self._regions = regions, list[RegionIntake]()
         self._sources = {str(name): number for number, name in enumerate(sensors.track_sources.name)}
         self._stack, self._of_regions = ExitStack(), ExitStack()
         self._has_begun = False
@@ -191,7 +191,7 @@ class LiveInput:
     @property
     def dateless(self) -> list[str]:
         """The feeds whose times of day take the date of this machine, as nothing else has one: with the clock of the feeds."""
-        if self._clock == "wall" or self._addresses or any(feed.decoder.has_dates for feed in self._feeds):
+        if self._clock == "wall" or self._region_addresses or any(feed.decoder.has_dates for feed in self._feeds):
             return []
         return [feed.inbox.address.text for feed in self._feeds]
 
@@ -226,7 +226,7 @@ class LiveInput:
         self._regions = []
         for feed in self._feeds:
             feed.decoder.counts.begin()
-        for address in self._addresses:
+        for address in self._region_addresses:
             connection = self._of_regions.enter_context(resumed(address, positions, from_s))
             self._regions.append(RegionIntake(connection, self._sources[address.name], self._clock == "wall"))
         if self._clock == "feeds":
