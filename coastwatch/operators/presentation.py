@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import TypedDict, cast
 
 import numpy as np
@@ -15,9 +14,8 @@ from coastwatch.errors import InputError
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.operators.columns import digits_of, rounded
 from coastwatch.operators.typed import Box
-from coastwatch.spelling import did_you_mean
+from coastwatch.spelling import utc_text
 from coastwatch.store import QueryLimit, Rows, Store, Table
-from coastwatch.store.read.questions import ParameterError
 from coastwatch.store.runs import ENDLESS
 from coastwatch.store.runs import Run as Run
 
@@ -407,27 +405,9 @@ def questions() -> Rows:
     return Rows(("question", "answers", "parameters"), rows)
 
 
-def answer(
-    database: Store, name: str, parameters: Mapping[str, str], at_s: float | None = None, typed: Mapping[str, str] = {}
-) -> Rows:
-    """The answer to a question, now or at an instant.
-
-    Args: typed: the options by which parameters were given, by parameter. Raises: InputError, StoreError.
-    """
-    queries = store.operator_queries()
-    if name not in queries:
-        raise InputError(f"query: got {name!r}, needed one of {', '.join(queries)}{did_you_mean(name, queries)}")
-    takes = queries[name].parameters
-    unknown = [key for key in parameters if key not in (*takes, "run")]
-    missing = [key for key, p in takes.items() if p.default is None and key not in parameters]
-    if unknown or missing:
-        got = f"got {', '.join(typed.get(key, key) for key in unknown)}" if unknown else f"got no {', '.join(missing)}"
-        hint = did_you_mean(unknown[0], takes) if unknown and unknown[0] not in typed else ""
-        raise InputError(f"query {name}: {got}, needed --set with {', '.join((*takes, 'run'))}{hint}")
-    try:
-        return in_operator_units(store.operator_query(database, name, parameters, at_s))
-    except ParameterError as error:
-        raise InputError(str(error)) from error
+def answer(database: Store, name: str, parameters: Mapping[str, str], at_s: float | None = None) -> Rows:
+    """The answer to a question, now or at an instant. Raises: StoreError, QuestionError: as of `store.operator_query`."""
+    return in_operator_units(store.operator_query(database, name, parameters, at_s))
 
 
 def in_operator_units(rows: Rows | Table) -> Rows:
@@ -440,11 +420,6 @@ def in_operator_units(rows: Rows | Table) -> Rows:
 def name_in_operator_units(name: str) -> str:
     """The name of a column in the units of an operator."""
     return f"{name[:-2]}_utc" if name in store.INSTANTS else name
-
-
-def utc_text(time_s: float) -> str:
-    """Seconds since the Unix epoch as ISO 8601 text, UTC."""
-    return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def flag_words(flags: int) -> str:

@@ -14,7 +14,7 @@ from coastwatch.errors import InputError
 from coastwatch.operators import export, presentation, recorded_frames
 from coastwatch.operators.selection import selected
 from coastwatch.spelling import printable
-from coastwatch.store import Rows, Store, delete_run, keep_runs
+from coastwatch.store import Rows, Store, delete_run, keep_runs, operator_queries
 
 
 @contextmanager
@@ -182,9 +182,12 @@ def query(options: argparse.Namespace) -> int:
     for key, (option, value) in asked.items():
         if value is not None and parameters.setdefault(key, str(value)) != str(value):
             raise InputError(f"query: got {option} {value} and --set {key}={parameters[key]}, needed one of them")
+    question = operator_queries().get(options.name)
+    typed = [(key, option) for key, (option, value) in asked.items() if value is not None]
+    if question is not None and (unknown := [option for key, option in typed if key not in question.parameters]):
+        raise InputError(f"query {options.name}: got {', '.join(unknown)}, needed {question.needed}")
     with presentation.opened(options.db) as store:
-        typed = {key: option for key, (option, value) in asked.items() if value is not None}
-        rows = presentation.answer(store, options.name, parameters, options.at, typed)
+        rows = presentation.answer(store, options.name, parameters, options.at)
         if options.at is not None:
             warn_beyond_end(store, presentation.run(store, int(parameters["run"]) if "run" in parameters else None), options.at)
     _write(rows, options)

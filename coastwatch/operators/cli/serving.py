@@ -9,10 +9,10 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import uvicorn
 from fastapi import FastAPI
@@ -43,7 +43,7 @@ from coastwatch.server.live_video import LiveVideo
 from coastwatch.server.processes import handled_by
 from coastwatch.server.regions.client import TRACKS, RegionAddress, check_files, parsed_region
 from coastwatch.server.regions.publisher import Publisher
-from coastwatch.spelling import printable
+from coastwatch.spelling import printable, utc_text
 from coastwatch.store import QueryLimit, Store, open_store, sole_server
 
 QUERY = QueryLimit(5.0, time.monotonic)
@@ -53,6 +53,14 @@ STOP_S = 3
 
 BACKLOG = 2048
 """Connections that may wait to be taken."""
+
+
+class Outputs(NamedTuple):
+    """Where a server sends what it has."""
+
+    pictures: Sequence[OutAddress]
+    journals: Sequence[RegionAddress]  # the tracks of a region
+    hooks: Sequence[WebHook]
 
 
 @contextmanager
@@ -69,9 +77,7 @@ def serve(arguments: argparse.Namespace) -> int:
     options = deployment(vars(arguments))
     guard = _guard(options)
     _check_role(options)
-    _outs(options)  # wrong addresses are refused before anything starts
-    _journal_addresses(options)
-    _webhooks(options)
+    outputs = _outputs(options)  # wrong addresses are refused before anything starts
     logs.begin(options.log_format)
     # The server ends in order, and so the run: it raises signals again when its sockets are closed.
     # A used port is refused before anything starts.
@@ -83,13 +89,13 @@ def serve(arguments: argparse.Namespace) -> int:
                 following(opened, options.run, asked=asked) as service,
                 logs.Watch(service),
             ):
-                listen(service, guard, options, listener)
+                listen(service, guard, options, outputs, listener)
         else:
-            _serve_run(options, options.scenario, guard, listener)
+            _serve_run(options, options.scenario, guard, outputs, listener)
     return 0
 
 
-def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.socket) -> None:
+def _serve_run(options: Deployment, name: str, guard: Guard, outputs: Outputs, listener: socket.socket) -> None:
     """Run a scenario, on live feeds or on its own input, and serve its pictures.
 
     Raises: InputError: another server writes into the database, or options do not fit together.
@@ -138,34 +144,26 @@ def _serve_run(options: Deployment, name: str, guard: Guard, listener: socket.so
         )
         service.source, run.on_failed = run, lambda: service.end()
         service.asked.append(run.left_alarms)
-        if service.publisher is not None and (addresses := _journal_addresses(options)):
+        if service.publisher is not None and outputs.journals:
             from coastwatch.server.regions.jetstream import Journal  # of the extra `nats`
 
             keep_s = 60.0 * scenario.store.journal_minutes
-            journals = (Journal(address, service.publisher, keep_s) for address in addresses)
+            journals = (Journal(address, service.publisher, keep_s) for address in outputs.journals)
             service.journals = [stack.enter_context(journal) for journal in journals]
         with run, logs.Watch(service):
-            listen(service, guard, options, listener)
+            listen(service, guard, options, outputs, listener)
         if run.failed:
             raise RunFailedError(run.error())
 
 
-def _outs(options: Deployment) -> list[OutAddress]:
-    """Where the picture is sent. Raises: AddressError."""
-    return [parsed_out(text) for text in options.out if not text.startswith(TRACKS)]
-
-
-def _journal_addresses(options: Deployment) -> list[RegionAddress]:
-    """Where the tracks of this region are published. Raises: AddressError, InputError."""
-    addresses = [parsed_region(text, is_out=True) for text in options.out if text.startswith(TRACKS)]
-    if addresses and options.role != "region":
+def _outputs(options: Deployment) -> Outputs:
+    """Where the options send pictures, tracks and alarms. Raises: AddressError, InputError."""
+    pictures = [parsed_out(text) for text in options.out if not text.startswith(TRACKS)]
+    journals = [parsed_region(text, is_out=True) for text in options.out if text.startswith(TRACKS)]
+    if journals and options.role != "region":
         raise InputError(f"--out tracks+...: got it with --role {options.role}, needed --role region: it has tracks to publish")
-    return addresses
-
-
-def _webhooks(options: Deployment) -> list[WebHook]:
-    """The web hooks of the server file, or of the command line. Raises: InputError."""
-    return [checked(WebHook(hook.url, hook.kinds, hook.secret or secret_of(hook.secret_file))) for hook in options.webhooks]
+    hooks = [checked(WebHook(hook.url, hook.kinds, hook.secret or secret_of(hook.secret_file))) for hook in options.webhooks]
+    return Outputs(pictures, journals, hooks)
 
 
 def _check_role(options: Deployment) -> None:
@@ -231,23 +229,23 @@ def _guard(options: Deployment) -> Guard:
 def add_token(options: argparse.Namespace) -> int:
     """Make a token and print it; the file keeps its hash only. Raises: InputError, OSError."""
     if options.expires is not None and options.expires <= time.time():
-        raise InputError(f"--expires: got {presentation.utc_text(options.expires)}, needed an instant after now")
+        raise InputError(f"--expires: got {utc_text(options.expires)}, needed an instant after now")
     token = add(Path(options.tokens), options.name, options.role, options.expires)
     print(token)
     print(f"coastwatch: {options.role} {options.name} is in {options.tokens}; the token is shown this once", file=sys.stderr)
     return 0
 
 
-def listen(service: Service, guard: Guard, options: Deployment, listener: socket.socket) -> None:
+def listen(service: Service, guard: Guard, options: Deployment, outputs: Outputs, listener: socket.socket) -> None:
     """Answer requests until Ctrl-C or SIGTERM, and send pictures and alarms where the options say. Args: listener: as of `bound`."""
     host, port = listener.getsockname()[:2]
-    address = f"{'https' if options.tls_cert else 'http'}://{f'[{host}]' if ':' in host else host}:{port}"
+    url = f"{'https' if options.tls_cert else 'http'}://{f'[{host}]' if ':' in host else host}:{port}"
     with ExitStack() as stack:
-        service.outs = [stack.enter_context(OutFeed(address_out)) for address_out in _outs(options)]
+        service.outs = [stack.enter_context(OutFeed(address)) for address in outputs.pictures]
         stack.callback(setattr, service, "outs", ())  # feeds that end are not lost
-        logs.say(f"coastwatch: {address}", address=address)
+        logs.say(f"coastwatch: {url}", address=url)
         server = server_of(
-            application(service, guard, hooks=_webhooks(options)), ssl_certfile=options.tls_cert, ssl_keyfile=options.tls_key
+            application(service, guard, hooks=outputs.hooks), ssl_certfile=options.tls_cert, ssl_keyfile=options.tls_key
         )
 
         def end() -> None:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from sqlalchemy import Connection, text
 
 from coastwatch.batches import ALARM_KINDS
-from coastwatch.errors import StoreError
+from coastwatch.errors import InputError, StoreError
 from coastwatch.shipped import operator_queries_folder
 from coastwatch.spelling import did_you_mean
 from coastwatch.store.read.close_pairs import closest_approach, closest_pairs
@@ -56,8 +56,8 @@ MMSI = re.compile(r"[0-9]{9,10}")
 MOST_MMSI = 2**30 - 1  # the field of a message has 30 bits
 
 
-class ParameterError(StoreError):
-    """A parameter of the wrong kind, out of its limits, or missing."""
+class QuestionError(StoreError, InputError):
+    """An unknown question or parameter, or one that is missing, of the wrong kind or out of its limits: exit code 2."""
 
 
 class Parameter(NamedTuple):
@@ -74,6 +74,11 @@ class Question(NamedTuple):
     parameters: dict[str, Parameter]
     explanation: str
     sql: str  # without comments; empty: the question is in COMPUTED
+
+    @property
+    def needed(self) -> str:
+        """What a refusal says that it takes."""
+        return f"--set with {', '.join((*self.parameters, 'run'))}"
 
     @property
     def of_run(self) -> bool:
@@ -93,20 +98,22 @@ def operator_query(
 
     Args: parameters: by name, as numbers or as text; what is not given has its default. `run`: the number of a run; at_s: answer as
     it would have been then, seconds since 1970 UTC. A question of no run leaves out what is later.
-    Raises: StoreError for an unknown name or parameter; ParameterError for a value of the wrong kind, out of its limits, or missing.
+    Raises: QuestionError: an unknown name or parameter, or a value of the wrong kind, out of its limits, or missing; StoreError.
     """
     questions = operator_queries()
     if name not in questions:
-        raise StoreError(f"query: got {name!r}, needed one of {', '.join(questions)}{did_you_mean(name, questions)}")
-    question, arguments = questions[name], dict(parameters or {})
-    run_id = arguments.pop("run", None)
-    unknown = sorted(set(arguments) - set(question.parameters))
-    if unknown:
-        raise StoreError(f"query {name}: got parameter {', '.join(unknown)}, needed {', '.join((*question.parameters, 'run'))}")
-    values = {key: _value(name, key, arguments.get(key), parameter.default) for key, parameter in question.parameters.items()}
+        raise QuestionError(f"query: got {name!r}, needed one of {', '.join(questions)}{did_you_mean(name, questions)}")
+    question, arguments = questions[name], {key: value for key, value in (parameters or {}).items() if value is not None}
+    run_id, takes = arguments.pop("run", None), question.parameters
+    unknown = [key for key in arguments if key not in takes]
+    missing = [key for key, parameter in takes.items() if parameter.default is None and key not in arguments]
+    if unknown or missing:
+        got, hint = (", ".join(unknown), did_you_mean(unknown[0], takes)) if unknown else (f"no {', '.join(missing)}", "")
+        raise QuestionError(f"query {name}: got {got}, needed {question.needed}{hint}")
+    values = {key: _value(name, key, arguments.get(key), parameter.default) for key, parameter in takes.items()}
     if not question.of_run:
         if run_id is not None:
-            raise ParameterError(f"query {name}: got run {run_id}, needed none: its rows belong to no run")
+            raise QuestionError(f"query {name}: got run {run_id}, needed none: its rows belong to no run")
         values["to_s"] = min(values["to_s"], values["to_s"] if at_s is None else at_s)
         with reading(store) as connection:
             return _fetched(connection, question.sql, values)
@@ -164,24 +171,23 @@ def _number(written: str) -> Value:
 def _value(question: str, key: str, argument: Value | None, default: Value | None) -> Value:
     """What was given as the kind of number that the default is; the default where nothing was given."""
     if argument is None:
-        if default is None:
-            raise ParameterError(f"query {question}: parameter {key} has no default: needed a number")
+        assert default is not None  # else it is missing
         return default
     mmsi = f"{argument:09d}" if isinstance(argument, int) else str(argument)
     if key == "mmsi" and (not MMSI.fullmatch(mmsi) or int(mmsi) > MOST_MMSI):
-        raise ParameterError(f"query {question}: parameter {key}: got {argument!r}, needed nine digits")
+        raise QuestionError(f"query {question}: parameter {key}: got {argument!r}, needed nine digits")
     kinds = (ALARMS, *ALARM_KINDS)
     if key == "kind" and argument not in kinds:
         needed = f"{', '.join(kinds)}{did_you_mean(str(argument), kinds)}"
-        raise ParameterError(f"query {question}: parameter kind: got {argument!r}, needed one of {needed}")
+        raise QuestionError(f"query {question}: parameter kind: got {argument!r}, needed one of {needed}")
     value = _number(argument) if isinstance(argument, str) else argument
     wants_number = not isinstance(default, str)
     if wants_number and (isinstance(value, str) or value != value or value in (float("inf"), float("-inf"))):
-        raise ParameterError(f"query {question}: parameter {key}: got {argument!r}, needed a number")
+        raise QuestionError(f"query {question}: parameter {key}: got {argument!r}, needed a number")
     if isinstance(default, int) and value != int(value):
-        raise ParameterError(f"query {question}: parameter {key}: got {argument!r}, needed a whole number")
+        raise QuestionError(f"query {question}: parameter {key}: got {argument!r}, needed a whole number")
     low, high = limits(key)
     if not isinstance(value, str) and not low <= value <= high:
         needed = f"{low:g} or more" if value < low and high == LARGEST else f"{low:g} to {high:.12g}"
-        raise ParameterError(f"query {question}: parameter {key}: got {argument!r}, needed {needed}")
+        raise QuestionError(f"query {question}: parameter {key}: got {argument!r}, needed {needed}")
     return int(value) if isinstance(default, int) else float(value) if isinstance(default, float) else value
