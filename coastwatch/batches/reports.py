@@ -139,18 +139,13 @@ class Reports:
         return sum(len(getattr(self, f.name)) for f in fields(self))
 
     @classmethod
-    def empty(cls) -> Reports:
-        """No report."""
-        return cls()
-
-    @classmethod
     def merged(cls, parts: Sequence[Reports]) -> Reports:
         """The reports of all parts, each kind in order of arrival; equal times in order of the parts."""
         out: dict[str, Any] = {"video": Videos.merged([part.video for part in parts])}
         for name in (f.name for f in fields(cls) if f.name not in out):
             every = [getattr(part, name) for part in parts]
             some = [part for part in every if len(part)]
-            out[name] = (some or every)[0]
+            out[name] = (some or every or [getattr(cls(), name)])[0]
             if len(some) > 1:
                 together = type(every[0]).join(some)
                 out[name] = together.take(np.argsort(together.received_s, kind="stable"))
@@ -300,7 +295,7 @@ class Recording:
     noise: Noise | None = None  # of simulated sensors
     contents: tuple[FileContent, ...] = ()  # of the files that are read at once
     feeds: tuple[str, ...] = ()  # names of the feeds of AIS, by number
-    beside: Reports = field(default_factory=Reports.empty)  # of a simulated stream: all its reports but video, for scores
+    beside: Reports = field(default_factory=Reports)  # of a simulated stream: all its reports but video, for scores
 
     def for_scores(self) -> Reports:
         """All reports but video, as often as asked; of a stream those that are known."""

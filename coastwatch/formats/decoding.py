@@ -9,20 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from coastwatch.batches import (
-    Batch,
-    BearingReports,
-    Bools,
-    Floats,
-    HeadingReports,
-    Ints,
-    RadarReports,
-    RadarVideo,
-    Reports,
-    TrackReports,
-    limits,
-)
-from coastwatch.errors import InputError
+from coastwatch.batches import Bools, Floats, Ints, RadarVideo, Reports, limits
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
 from coastwatch.formats.video_state import VideoState
@@ -37,13 +24,13 @@ FAR_JUMP_S, CONFIRMED_BY = 600.0, 10
 MOST_WAITING = 500_000
 """Reports of a feed, of one kind, that wait for their cycle: those of more than a minute of the densest coast. The oldest go first."""
 
-ORDER: dict[type[Batch], tuple[str, ...]] = {
-    RadarReports: ("sensor", "range_m", "azimuth_deg"),
-    BearingReports: ("sensor", "contact", "bearing_deg"),
-    TrackReports: ("sensor", "number", "position_deg"),
-    HeadingReports: ("sensor", "heading_deg"),
+ORDER = {
+    "radar": ("sensor", "range_m", "azimuth_deg"),
+    "bearing": ("sensor", "contact", "bearing_deg"),
+    "tracks": ("sensor", "number", "position_deg"),
+    "headings": ("sensor", "heading_deg"),
 }
-"""Columns by which reports of one time are sorted, by kind of batch."""
+"""Columns by which reports of one time are sorted, by field of `Reports`."""
 
 JUMP = "time far ahead of the reports before"
 AHEAD = "time ahead of the clock of this machine, that of arrival taken"
@@ -54,10 +41,6 @@ LATE = "report later than its cycle"
 BEFORE_RUN = "report from before the run began"
 BROKEN = "defect of its decoder"
 DROPPED = "dropped: no room, or too long"
-
-
-class OptionError(InputError):
-    """An option of a feed that its format cannot use; the message says what is wrong."""
 
 
 @dataclass(frozen=True)
@@ -197,35 +180,42 @@ def newest_rows(time_s: Floats) -> Ints:
 
 
 class Waiting:
-    """Batches of reports that wait for their cycle, by their `received_s`."""
+    """Reports that wait for their cycle, by their `received_s`."""
 
-    def __init__(self, counts: Counts, tally: Tally, kind: Any) -> None:
-        """Args: counts, tally: of the feed; kind: of batch, one of ORDER."""
-        self._counts, self._tally, self._kind = counts, tally, kind
-        self._parts: list[Any] = []
-        self.rows = 0  # that wait
+    def __init__(self, counts: Counts, tally: Tally, *kinds: str) -> None:
+        """Args: counts, tally: of the feed; kinds: fields of `Reports`, of ORDER."""
+        self._counts, self._tally = counts, tally
+        self._parts: dict[str, list[Any]] = {kind: [getattr(Reports(), kind)] for kind in kinds}
 
-    def add(self, batch: Any) -> None:
+    @property
+    def rows(self) -> int:
+        """Reports that wait."""
+        return sum(len(part) for parts in self._parts.values() for part in parts)
+
+    def add(self, kind: str, batch: Any) -> None:
         """Keep the reports within bounds until they are asked for."""
         kept, beyond = limits.within(batch)
-        for kind, mask in beyond.items():
-            self._tally.add(limits.BEYOND + kind, "live", count=int(mask.sum()))
+        for fault, mask in beyond.items():
+            self._tally.add(limits.BEYOND + fault, "live", count=int(mask.sum()))
+        parts = self._parts[kind]
         if len(kept):
-            self._parts.append(kept)
-            self.rows += len(kept)
-        if self.rows > MOST_WAITING:
-            every = self._kind.join(self._parts)
+            parts.append(kept)
+        if sum(map(len, parts)) > MOST_WAITING:
+            every = kept.join(parts)
             stay = newest_rows(every.received_s)
             self._counts.dropped += len(every) - len(stay)
-            self._parts, self.rows = [every.take(stay)], len(stay)
+            self._parts[kind] = [every.take(stay)]
 
-    def reports_between(self, after_s: float, until_s: float) -> Any:
+    def reports_between(self, after_s: float, until_s: float) -> Reports:
         """The reports of a span, each once, sorted by time and content. Older ones are counted."""
-        every = self._kind.join(self._parts)
+        return Reports(**{kind: self._due(kind, after_s, until_s) for kind in self._parts})
+
+    def _due(self, kind: str, after_s: float, until_s: float) -> Any:
+        every = self._parts[kind][0].join(self._parts[kind])
         keep = every.received_s > until_s
-        self._parts, self.rows = [every.take(keep)] if keep.any() else [], int(keep.sum())
+        self._parts[kind] = [every.take(keep)]
         reports = every.take(~keep & ~self._counts.outdated(every.received_s, after_s))
-        keys = [getattr(reports, name) for name in ORDER[self._kind]]
+        keys = [getattr(reports, name) for name in ORDER[kind]]
         keys = [column for key in keys for column in (key.T if key.ndim > 1 else [key])]
         order = np.lexsort((*keys[::-1], reports.received_s))
         twice = np.zeros(len(order), np.bool_)

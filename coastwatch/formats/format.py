@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from coastwatch.batches import Array, Floats, Ints, Reports, Sensors
+from coastwatch.batches import Floats, Ints, Reports, Sensors
 from coastwatch.formats.decoding import Decoder, FeedSettings, ReportsBetween
-
-SensorNames = Mapping[str, Array]
-"""The names of radars under "plot", and of sonars under "bearing"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +64,12 @@ class Format:
     """A wire format. What it does not offer is None."""
 
     name: str  # as it stands in addresses
-    decoder: Callable[[FeedSettings, Sensors], Decoder] | None = None  # raises OptionError
+    decoder: Callable[[FeedSettings, Sensors], Decoder] | None = None  # raises AddressError
     report_sources: Callable[[Sequence[Decoder]], list[ReportsBetween]] = lambda decoders: [
         decoder.reports_between for decoder in decoders
     ]
     """Of all feeds of it together; where nothing else is said, each feed by itself."""
-    encode: Callable[[Reports, SensorNames], list[bytes]] | None = None  # lines or datagrams of reports
+    encode: Callable[[Reports, Sensors], list[bytes]] | None = None  # lines or datagrams of reports
     encodes: tuple[str, ...] = ()  # the kinds of reports that `encode` takes: fields of `Reports`
     pictures: Callable[[OutSettings], Encoder] | None = None
     renumber: Callable[[list[bytes], Counter[bytes]], list[bytes]] | None = None

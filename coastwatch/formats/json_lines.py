@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -12,8 +11,8 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, V
 
 from coastwatch.batches import BearingReports, Floats, RadarReports, Reports, Sensors, TrackReports
 from coastwatch.batches.limits import CONTACTS
-from coastwatch.formats.decoding import Counts, Item, Stamps, Waiting
-from coastwatch.formats.format import Format, SensorNames
+from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps, Waiting
+from coastwatch.formats.format import Format
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.stage import Latitude, Longitude, NotNegative, Positive
@@ -79,28 +78,23 @@ class JsonDecoder:
 
     has_dates = True
 
-    def __init__(self, name: str, sensors: Sensors, checked: bool = True) -> None:
-        """Args: name: of the feed; checked: stamps are judged by the clock of the machine."""
-        self.tally, self.counts = Tally(), Counts()
-        self.checked = checked
-        self.stamps = Stamps(name, checked, self.tally)
-        self._name, self._sensors, self._lines = name, sensors, 0
+    def __init__(self, feed: FeedSettings, sensors: Sensors) -> None:
+        self.tally, self.counts, self.checked = Tally(), Counts(), feed.checked
+        self.stamps = Stamps(feed.name, feed.checked, self.tally)
+        self._name, self._sensors, self._lines = feed.name, sensors, 0
         names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name, "track": sensors.track_sources.name}
         self._numbers = {kind: {str(name): k for k, name in enumerate(own_names)} for kind, own_names in names.items()}
-        self._waiting = {
-            "plot": Waiting(self.counts, self.tally, RadarReports),
-            "bearing": Waiting(self.counts, self.tally, BearingReports),
-            "track": Waiting(self.counts, self.tally, TrackReports),
-        }
+        self._waiting = Waiting(self.counts, self.tally, "radar", "bearing", "tracks")
+        self.reports_between = self._waiting.reports_between
 
     @property
     def waiting(self) -> int:
         """As of `Decoder`."""
-        return sum(one.rows for one in self._waiting.values())
+        return self._waiting.rows
 
     def decode(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`."""
-        lines_of: dict[str, list[tuple[float, int, Any]]] = {kind: [] for kind in self._waiting}
+        lines_of: dict[str, list[tuple[float, int, Any]]] = {kind: [] for kind in self._numbers}
         for arrived_s, text, _ in items:
             self._lines += 1
             if not text.strip():
@@ -121,20 +115,14 @@ class JsonDecoder:
                 self.tally.add(NO_SENSOR, f"{self._name}:{self._lines}", named)
                 continue
             lines_of[line.type].append((arrived_s, sensor, line))
-        for kind, make in (("plot", self._plots), ("bearing", self._bearings), ("track", self._tracks)):
-            if lines_of[kind]:
-                when, number, lines = (list(column) for column in zip(*lines_of[kind], strict=True))
+        kinds = ("plot", "radar", self._plots), ("bearing", "bearing", self._bearings), ("track", "tracks", self._tracks)
+        for type_, kind, make in kinds:
+            if lines_of[type_]:
+                when, number, lines = (list(column) for column in zip(*lines_of[type_], strict=True))
                 stamp = np.array([line.time_s for line in lines])
                 time_s = self.stamps.times_s(stamp, np.array(when, np.float64))
                 batch = make(time_s, np.array(number, np.int64), lines)
-                self._waiting[kind].add(batch.take(np.isfinite(time_s)))
-
-    def reports_between(self, after_s: float, until_s: float) -> Reports:
-        """As `ReportsBetween`."""
-        radar, bearing, tracks = (
-            self._waiting[kind].reports_between(after_s, until_s) for kind in ("plot", "bearing", "track")
-        )
-        return replace(Reports.empty(), radar=radar, bearing=bearing, tracks=tracks)
+                self._waiting.add(kind, batch.take(np.isfinite(time_s)))
 
     def _plots(self, time_s: Any, number: Any, lines: Any) -> RadarReports:
         return RadarReports(
@@ -144,13 +132,11 @@ class JsonDecoder:
             range_m=_numbers(lines, "range_m"),
             azimuth_deg=_numbers(lines, "azimuth_deg"),
             site_deg=_sites(lines, self._sensors.radars.site_deg[number]),
-            origin=np.full(len(lines), -1, np.int64),
             range_sigma_m=_numbers(lines, "range_sigma_m"),
             azimuth_sigma_deg=_numbers(lines, "azimuth_sigma_deg"),
         )
 
     def _bearings(self, time_s: Any, number: Any, lines: Any) -> BearingReports:
-        none = np.full(len(lines), -1, np.int64)
         return BearingReports(
             sensor=number,
             time_s=time_s,
@@ -158,8 +144,6 @@ class JsonDecoder:
             bearing_deg=_numbers(lines, "bearing_deg"),
             contact=np.array([line.contact for line in lines], np.int64),
             site_deg=_sites(lines, self._sensors.sonars.site_deg[number]),
-            signature=none,
-            origin=none,
             bearing_sigma_deg=_numbers(lines, "bearing_sigma_deg"),
         )
 
@@ -173,7 +157,6 @@ class JsonDecoder:
             position_deg=np.stack([_numbers(lines, "latitude_deg"), _numbers(lines, "longitude_deg")], 1),
             velocity_m_s=np.stack([speed * np.sin(course), speed * np.cos(course)], 1),
             covariance=np.full((len(lines), 4, 4), np.nan),
-            origin=np.full(len(lines), -1, np.int64),
         )
 
 
@@ -202,17 +185,17 @@ def _sites(lines: Any, of_sensors: Floats) -> Floats:
     return np.where(np.isfinite(said).all(axis=1, keepdims=True), said, of_sensors)
 
 
-def encode(reports: Reports, names: SensorNames) -> list[bytes]:
+def encode(reports: Reports, sensors: Sensors) -> list[bytes]:
     """Lines of plots and bearings, with the place of the sensor and the standard deviations that are known."""
     radar, bearing = reports.radar, reports.bearing
     lines: list[dict[str, Any]] = []
     for k in range(len(radar)):
-        line = {"type": "plot", "radar": str(names["plot"][radar.sensor[k]]), "time": float(radar.time_s[k])}
+        line = {"type": "plot", "radar": str(sensors.radars.name[radar.sensor[k]]), "time": float(radar.time_s[k])}
         line |= {"range_m": float(radar.range_m[k]), "azimuth_deg": float(radar.azimuth_deg[k]) % 360.0}
         given = {"range_sigma_m": radar.range_sigma_m[k], "azimuth_sigma_deg": radar.azimuth_sigma_deg[k]}
         lines.append(line | _known(given, radar.site_deg[k]))
     for k in range(len(bearing)):
-        line = {"type": "bearing", "sonar": str(names["bearing"][bearing.sensor[k]]), "time": float(bearing.time_s[k])}
+        line = {"type": "bearing", "sonar": str(sensors.sonars.name[bearing.sensor[k]]), "time": float(bearing.time_s[k])}
         line |= {"bearing_deg": float(bearing.bearing_deg[k]) % 360.0}
         if bearing.contact[k] >= 0:
             line["contact"] = int(bearing.contact[k])
@@ -228,7 +211,7 @@ def _known(given: dict[str, Any], site_deg: Floats) -> dict[str, float]:
 
 JSON = Format(
     "json",
-    decoder=lambda feed, sensors: JsonDecoder(feed.name, sensors, feed.checked),
+    decoder=JsonDecoder,
     encode=encode,
     encodes=("radar", "bearing"),
 )

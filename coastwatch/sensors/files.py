@@ -181,13 +181,13 @@ class WireStream:
     def between(self, after_s: float, until_s: float) -> Reports:
         for file in self._files:
             file.read_beyond(until_s + self._lateness_s)
-        return Reports.merged([Reports.empty(), *(source(after_s, until_s) for source in self._report_sources)])
+        return Reports.merged([source(after_s, until_s) for source in self._report_sources])
 
     def first(self) -> Reports:
         """The reports of the first batch of each file. They do not stay in the stream."""
         for file in self._files:
             file.read_beyond(-math.inf)
-        return Reports.merged([Reports.empty(), *(source(-math.inf, math.inf) for source in self._report_sources)])
+        return Reports.merged([source(-math.inf, math.inf) for source in self._report_sources])
 
     def rest(self, after_s: float) -> int:
         count, until_s = 0, after_s

@@ -58,7 +58,7 @@ def warm_up(
         of_video = SimulatedVideo(cells=VIDEO_CELLS)
     if of_video is not None:  # land takes seconds, and no kernel
         of_video = of_video.model_copy(update={"land_deg": ()})
-    spokes = Reports.empty() if of_video is None else of_video.load(replace(sensors, land_deg=()), 0, plan).reports
+    spokes = Reports() if of_video is None else of_video.load(replace(sensors, land_deg=()), 0, plan).reports
     from coastwatch.kernels.jit import compilations  # it loads numba
 
     begun: list[str] = []

@@ -79,8 +79,7 @@ class Messages:
         scenario = with_track_sources(load_scenario(SCENARIO, {"input.count": "40"}), [SOURCE])
         sensors, plan = scenario.sensors(), scenario.plan()
         reports = scenario.input.load(sensors, 1, plan).reports.between(-float("inf"), plan.instant_s(4))
-        names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name}
-        true = {name: encoded(reports, parsed(ADDRESSES[name]), names)[:2_000] for name in ("ais", "asterix", "json")}
+        true = {name: encoded(reports, parsed(ADDRESSES[name]), sensors)[:2_000] for name in ("ais", "asterix", "json")}
         ship = scenario.radars[1].model_copy(update={"azimuth_reference": "heading"})
         self.scenario = scenario.model_copy(update={"radars": (scenario.radars[0], ship)})
         self._bodies = [line.partition(b"!")[2].rpartition(b"*")[0] for line in true["ais"]]
@@ -207,7 +206,7 @@ def fuzzed(number: int, seed: int, chain: int) -> Iterator[tuple[int, Counter[st
             taken[name] += sum(len(getattr(part, kind)) for kind in KINDS)
             parts.append(part)
         if chain and (cycle * TOGETHER * len(found)) % chain < TOGETHER * len(found):
-            reports = Reports.merged([replace(part, tracks=Reports.empty().tracks) for part in parts])
+            reports = Reports.merged([replace(part, tracks=Reports().tracks) for part in parts])
             reports = replace(reports, tracks=type(reports.tracks).join([part.tracks for part in parts]))
             try:
                 memory, _ = run_cycle(

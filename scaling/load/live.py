@@ -48,18 +48,18 @@ Lines = dict[float, dict[str, list[bytes]]]
 """By instant, the lines of each format that are sent up to it."""
 
 
-def made(world: World, cycles: int, names: dict[str, Any]) -> Lines:
+def made(world: World, cycles: int) -> Lines:
     """The lines of so many cycles of a coast, by the time at which they are received."""
     state, out = initial_state(world), Lines()
     for number in range(cycles):
-        state, lines = _of_cycle(world, state, names)
+        state, lines = _of_cycle(world, state)
         out |= lines
         print(f"\rmaking the input: {number + 1} of {cycles} cycles", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
     return out
 
 
-def _of_cycle(world: World, state: State, names: dict[str, Any]) -> tuple[State, Lines]:
+def _of_cycle(world: World, state: State) -> tuple[State, Lines]:
     """The state after a cycle, and its lines."""
     until_s = world.plan.instant_s(state.cycle)
     after_s = until_s - world.plan.period_s
@@ -68,7 +68,7 @@ def _of_cycle(world: World, state: State, names: dict[str, Any]) -> tuple[State,
     out: Lines = {}
     for step_s in steps.tolist():
         part = reports.between(step_s - STEP_S, step_s)
-        out[step_s] = {one: encoded(part, parsed(f"{one}+tcp://{HOST}:1"), names) for one in ("ais", "json")}
+        out[step_s] = {one: encoded(part, parsed(f"{one}+tcp://{HOST}:1"), world.sensors) for one in ("ais", "json")}
     return state, out
 
 
@@ -181,11 +181,10 @@ def _input(size: Size, seed: int) -> Lines:
     """The lines of the coast from an instant on that lies far enough ahead for them to be made."""
     began = time.monotonic()
     trial = build_world(Size(size.vessels, TRIAL_CYCLES), {}, seed)
-    names = {"plot": trial.sensors.radars.name, "bearing": trial.sensors.sonars.name}
-    made(trial, TRIAL_CYCLES, names)
+    made(trial, TRIAL_CYCLES)
     each_s = (time.monotonic() - began) / TRIAL_CYCLES
     start = datetime.fromtimestamp(math.ceil(time.time() + LEAD * each_s * size.cycles), UTC)
-    return made(build_world(size, {"start_utc": start.isoformat()}, seed), size.cycles, names)
+    return made(build_world(size, {"start_utc": start.isoformat()}, seed), size.cycles)
 
 
 def main() -> int:

@@ -58,20 +58,20 @@ def recorded(name: str, minutes: int) -> tuple[Scenario, Reports, int]:
 
 def batches(scenario: Scenario, reports: Reports) -> list[tuple[float, list[bytes], list[bytes]]]:
     """What is sent up to an instant: AIS lines and ASTERIX datagrams."""
-    names: dict[str, Any] = {"plot": scenario.sensors().radars.name, "bearing": scenario.sensors().sonars.name}
+    sensors = scenario.sensors()
     times = np.concatenate([reports.ais.received_s, reports.radar.received_s])
     out = []
     for after_s, until_s in pairwise(np.arange(math.floor(times.min()) - STEP_S, times.max() + 2 * STEP_S, STEP_S).tolist()):
         part = reports.between(after_s, until_s)
         if len(part):
-            out.append((until_s, *(encoded(part, parsed(to), names) for to in (AIS, RADAR))))
+            out.append((until_s, *(encoded(part, parsed(to), sensors) for to in (AIS, RADAR))))
     return out
 
 
 def files(scenario: Scenario, sent: list[tuple[float, list[bytes], list[bytes]]], folder: Path) -> Scenario:
     """The scenario on files of the same lines and plots."""
     (folder / "ais.nmea").write_bytes(b"".join(line + b"\r\n" for _, lines, _ in sent for line in lines))
-    decoder = AsterixDecoder("radar", scenario.sensors(), origins={})
+    decoder = AsterixDecoder(parsed(RADAR).settings(True), scenario.sensors())
     for until_s, _, datagrams in sent:
         decoder.decode([(until_s, datagram, 0) for datagram in datagrams], until_s)
     plots: RadarReports = decoder.reports_between(-math.inf, math.inf).radar

@@ -106,7 +106,7 @@ def spokes(times, sensor=0, cells=4):
 
 def test_video_is_cut_and_merged_by_arrival():
     one, other = Videos((spokes([1.0, 2.0, 3.0]),)), Videos((spokes([0.5, 2.5], sensor=1, cells=6),))
-    none = Reports.empty()
+    none = Reports()
     both = Reports.merged([Reports(none.radar, none.ais, none.statics, none.bearing, video=v) for v in (one, other)])
     assert len(both) == 5
     assert [part.sensor for part in both.video.parts] == [1, 0]
@@ -120,7 +120,7 @@ def test_video_that_does_not_fit_is_refused_and_spokes_that_are_none_are_counted
         RadarVideo(0, 0.0, 0.0, *(np.zeros(0),) * 3, np.zeros((0, 2)), np.zeros((0, 3), np.uint8))
     with pytest.raises(ValueError, match=r"RadarVideo\.level: got shape \(2, 3\)"):
         RadarVideo(0, 0.0, 1.0, *(np.zeros(1),) * 3, np.zeros((1, 2)), np.zeros((2, 3), np.uint8))
-    none = Reports.empty()
+    none = Reports()
     bad = Reports(none.radar, none.ais, none.statics, none.bearing, video=Videos((spokes([1.0, np.nan, 3.0]),)))
     kept, counts = reports_within(bad)
     assert len(kept) == 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -154,7 +153,7 @@ def test_sizes_that_are_sent_are_rounded_and_held_to_the_limits_of_their_fields(
         call_sign=np.full(5, "Y"), ship_type=np.full(5, 70), length_m=lengths, beam_m=beams, to_bow_m=sides[0],
         to_stern_m=sides[1], to_port_m=sides[2], to_starboard_m=sides[3],
     )  # fmt: skip
-    lines = [line.rsplit(b"\\", 1)[1] for line in encode(replace(Reports.empty(), statics=statics), {})]
+    lines = [line.rsplit(b"\\", 1)[1] for line in encode(Reports(statics=statics), {})]
     _, found, _, _ = ours(lines)
     got = np.stack([found.to_bow_m, found.to_stern_m, found.to_port_m, found.to_starboard_m], axis=-1)
     assert got.tolist() == [[100, 0, 11, 10], [511, 20, 21, 63], [0, 130, 9, 9], [41, 41, 7, 6], [511, 511, 63, 63]]

@@ -72,14 +72,14 @@ def reports() -> Reports:
     speed, course = np.full(n, 21.6), np.zeros(n)
     ais = AisReports(time_s, time_s, 235_000_000 + np.arange(n) % 3, position, speed, course, np.zeros(n, np.bool_), none)
     headings = HeadingReports(zeros + 1, time_s, time_s, np.linspace(350.0, 370.0, n) % 360.0)
-    return replace(Reports.empty(), radar=radar, ais=ais, bearing=bearing, headings=headings)
+    return Reports(radar=radar, ais=ais, bearing=bearing, headings=headings)
 
 
 def messages(name: str) -> list[bytes]:
     """What another system would send in a format: reports, or else pictures."""
     one = FORMATS[name]
     if one.encode is not None:
-        encoded = one.encode(reports(), {"plot": np.array(["north", "ship"]), "bearing": np.array(["mouth"])})
+        encoded = one.encode(reports(), sensors())
         return sorted(encoded, key=lambda line: json.loads(line)["time"]) if name == JSON.name else encoded
     assert one.pictures is not None
     encoder, out = one.pictures(OutSettings(SITE)), []
@@ -229,9 +229,9 @@ def test_every_record_of_a_damaged_file_is_somewhere_and_a_lost_one_is_noticed(
     losses = []
     add, decoded = decoding.Waiting.add, ais.decoded
 
-    def add_but_one(waiting: decoding.Waiting, batch: Any) -> None:
+    def add_but_one(waiting: decoding.Waiting, kind: str, batch: Any) -> None:
         losses.append(1)
-        add(waiting, batch.take(np.arange(len(batch)) > 0) if len(losses) == 1 else batch)
+        add(waiting, kind, batch.take(np.arange(len(batch)) > 0) if len(losses) == 1 else batch)
 
     def decoded_but_one(*given: Any) -> Any:
         losses.append(1)
@@ -366,7 +366,7 @@ def test_lines_of_json_keep_the_place_of_a_sensor_that_moves_and_the_errors_of_e
         bearing=replace(sent.bearing, site_deg=moved[::-1], bearing_sigma_deg=sigma, contact=sent.bearing.contact + 2**39),
     )
     path = tmp_path / "x.jsonl"
-    path.write_bytes(b"\n".join(JSON.encode(sent, {"plot": np.array(["north", "ship"]), "bearing": np.array(["mouth"])})))
+    path.write_bytes(b"\n".join(JSON.encode(sent, sensors())))
     read = stream(f"json+file:{path}").between(-math.inf, math.inf)
     for kind, names in (("radar", ("range_sigma_m", "azimuth_sigma_deg")), ("bearing", ("bearing_sigma_deg", "contact"))):
         got, wanted = getattr(read, kind), getattr(sent, kind)

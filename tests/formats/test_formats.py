@@ -28,7 +28,7 @@ from coastwatch.batches import (
     TrackSources,
 )
 from coastwatch.errors import InputError
-from coastwatch.formats.asterix.decoder import AsterixDecoder, Origin
+from coastwatch.formats.asterix.decoder import AsterixDecoder
 from coastwatch.formats.asterix.system_tracks import SAC, SIC
 from coastwatch.formats.decoding import FeedSettings
 from coastwatch.formats.format import Format, OutSettings, Vessels
@@ -115,7 +115,7 @@ ROWS = [name for name, value in vars(vessels()).items() if hasattr(value, "__len
 
 def test_system_tracks_are_read_back_by_the_decoder_of_the_house() -> None:
     given = vessels()
-    decoder = AsterixDecoder("x", sensors(), origins={(SAC, SIC): Origin(True, 0)})
+    decoder = AsterixDecoder(FeedSettings("x", "x", {f"{SAC}/{SIC}": str(sensors().track_sources.name[0])}), sensors())
     decoder.decode([(NOW_S, datagram, 0) for datagram in datagrams(given)], None)
     tracks = decoder.reports_between(-math.inf, math.inf).tracks
     assert decoder.tally.faults() == ()
@@ -144,7 +144,7 @@ def test_system_tracks_are_read_back_by_the_decoder_of_the_house() -> None:
 )
 def test_system_tracks_of_no_known_source_are_refused_with_what_the_address_needs(sources: int, said: str) -> None:
     names = tuple(TrackSource(name=f"source {k}") for k in range(sources))
-    decoder = AsterixDecoder("x", sensors_of((), (), (), names), origins={})
+    decoder = AsterixDecoder(FeedSettings("x", "x"), sensors_of((), (), (), names))
     decoder.decode([(NOW_S, datagram, 0) for datagram in datagrams(vessels())], None)
     (fault,) = decoder.tally.faults()
     assert (fault.count, fault.example) == (4, said)
@@ -178,17 +178,17 @@ def test_midnight_and_north_are_0_in_every_format() -> None:
     one, zero, place = np.array([north]), np.zeros(1, np.int64), np.array([[50.0, -1.0]])
     when = np.array([midnight - 0.001])
     ais = AisReports(when, when, np.array([235_000_001]), place, np.array([10.0]), one, np.array([False]))
-    line = encoded("ais", replace(Reports.empty(), ais=ais))
+    line = encoded("ais", Reports(ais=ais))
     assert NMEAMessage(line.rpartition(b"\\")[2]).decode().course == 0.0
     headings = HeadingReports(zero, when, when, one + 0.036)
-    assert b"HDT,0.00,T" in encoded("heading", replace(Reports.empty(), headings=headings))
+    assert b"HDT,0.00,T" in encoded("heading", Reports(headings=headings))
 
 
 @pytest.mark.parametrize(("range_nm", "of_day_s"), [(1.0, 86_399.999), (255.996, 1.0), (256.0, 1.0)])
 def test_a_plot_is_sent_where_and_when_it_is_or_refused(range_nm: float, of_day_s: float) -> None:
     when, metres = np.array([86_400.0 * 20_000 + of_day_s]), np.array([range_nm * 1852.0])
     zero, site = np.zeros(1, np.int64), np.zeros((1, 2))
-    plots = replace(Reports.empty(), radar=RadarReports(zero, when, when, metres, np.array([359.999]), site, zero))
+    plots = Reports(radar=RadarReports(zero, when, when, metres, np.array([359.999]), site, zero))
     if range_nm >= 256.0:
         with pytest.raises(InputError, match=r"radar 1: got a range of 256\.0 NM, needed at most 255\.996"):
             encoded("asterix", plots)
@@ -197,7 +197,7 @@ def test_a_plot_is_sent_where_and_when_it_is_or_refused(range_nm: float, of_day_
     assert int.from_bytes(data[6:9], "big") == round(of_day_s * 128) % (86_400 * 128)
     assert int.from_bytes(data[10:12], "big") == round(range_nm * 256)
     assert int.from_bytes(data[12:14], "big") == 0  # of 360 degrees
-    decoder = AsterixDecoder("x", sensors(), origins={})
+    decoder = AsterixDecoder(FeedSettings("x", "x"), sensors())
     decoder.decode([(float(when[0]), data, 0)], None)
     assert decoder.reports_between(-math.inf, math.inf).radar.time_s == pytest.approx(when, abs=1 / 128)
 
@@ -205,7 +205,7 @@ def test_a_plot_is_sent_where_and_when_it_is_or_refused(range_nm: float, of_day_
 def encoded(name: str, reports: Reports) -> bytes:
     encode = FORMATS[name].encode
     assert encode is not None
-    return encode(reports, {"plot": np.array(["ship"])})[0]
+    return encode(reports, sensors())[0]
 
 
 def test_a_vessel_keeps_its_track_number_while_others_come_and_go() -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from coastwatch.batches import HeadingReports, Reports, Sensors
-from coastwatch.formats.decoding import FeedSettings, OptionError
+from coastwatch.errors import AddressError
+from coastwatch.formats.decoding import FeedSettings
 from coastwatch.formats.nmea.headings import HEADING, NOT_VALID
 from coastwatch.formats.nmea.sentence_feed import made_sentence
 from coastwatch.scenario.sites import Radar, sensors_of
@@ -60,7 +60,7 @@ def test_a_heading_is_of_every_radar_of_a_ship_or_of_those_named() -> None:
         found, _ = heard(["HEHDT,10.0,T"], both, **options)
         assert found.sensor.tolist() == want
     for of, options in ((sensors("true"), {}), (both, {"radar": "0"}), (both, {"radar": "9"})):
-        with pytest.raises(OptionError, match=r"needed \?radar=NAME with radars of azimuth_reference = 'heading'"):
+        with pytest.raises(AddressError, match=r"needed \?radar=NAME with radars of azimuth_reference = 'heading'"):
             decoder(of, **options)
 
 
@@ -70,7 +70,7 @@ def test_sentences_that_are_sent_come_back() -> None:
     time_s = NOW_S + np.arange(50) * 0.1
     sent = HeadingReports(np.zeros(50, np.int64), time_s, time_s, np.linspace(355.0, 364.8, 50) % 360.0)
 
-    lines = HEADING.encode(replace(Reports.empty(), headings=sent), {"plot": of.radars.name})
+    lines = HEADING.encode(Reports(headings=sent), of)
     made = decoder(of)
     made.decode([(NOW_S + 9.0, line, 0) for line in lines], None)
     found = made.reports_between(-math.inf, math.inf).headings

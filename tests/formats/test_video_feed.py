@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tracemalloc
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,11 +12,12 @@ from hypothesis import strategies as st
 from video_world import CELLS, DURATION_FS, PERIOD_S, SPOKES, START_S, arrivals, messages, sensors
 
 from coastwatch.batches import RadarVideo, Reports, Videos
+from coastwatch.errors import AddressError
 from coastwatch.formats.asterix import video_feed
 from coastwatch.formats.asterix.spokes import CHANGED, MOST_PARTS
 from coastwatch.formats.asterix.video import encode
 from coastwatch.formats.asterix.video_feed import VIDEO, VideoDecoder, datagrams, renumbered
-from coastwatch.formats.decoding import FeedSettings, Item, OptionError, decode
+from coastwatch.formats.decoding import FeedSettings, Item, decode
 
 pytestmark = pytest.mark.contract
 
@@ -204,9 +204,9 @@ def test_radars_are_those_of_the_address_or_by_number():
     assert not video(made, arrivals(messages(turns=0.1, sac=9), START_S + 0.3))  # the radar is heard under another SAC
     (spokes,) = video(made, arrivals(messages(turns=0.1, sac=9, begun_s=START_S + 60.0), START_S + 60.0))
     assert (spokes.sensor, made.counts.radars["north"].sac) == (0, 9)
-    with pytest.raises(OptionError, match="of a track source"):
+    with pytest.raises(AddressError, match="of a track source"):
         decoder({"25/1": "vts"})
-    with pytest.raises(OptionError, match="needed SAC/SIC=NAME"):
+    with pytest.raises(AddressError, match="needed SAC/SIC=NAME"):
         decoder({"25/1": "moon"})
 
 
@@ -337,7 +337,7 @@ def test_what_is_sent_is_what_comes():
     numbers = video_feed.Counter()
     found = []
     for rows in (slice(0, 90), slice(90, None)):
-        part = replace(Reports.empty(), video=Videos((sent.take(rows),)))
+        part = Reports(video=Videos((sent.take(rows),)))
         found += renumbered(datagrams(part, {}), numbers)
     assert max(map(len, found)) < 65_507
     made = decoder({})
@@ -356,7 +356,7 @@ def test_cells_of_any_bits_are_sent_in_datagrams(bits):
         sensor=0, first_m=0.0, cell_m=4.5, time_s=time_s, received_s=time_s, azimuth_rad=np.array([1.0, 1.01]),
         site_deg=np.tile([54.0, 12.0], (2, 1)), level=np.arange(2 * cells, dtype=np.uint8).reshape(2, -1) % 16, bits=bits,
     )  # fmt: skip
-    found = renumbered(datagrams(replace(Reports.empty(), video=Videos((sent,))), {}), video_feed.Counter())
+    found = renumbered(datagrams(Reports(video=Videos((sent,))), {}), video_feed.Counter())
     assert max(map(len, found)) < 65_507
     (got,) = video(decoder({}), [(START_S + 101.0, data, 0) for data in found])
     assert np.array_equal(got.level, sent.level)

@@ -215,7 +215,7 @@ def test_a_long_cycle_counts_as_long_as_it_is() -> None:
     for cycle in range(20):
         given = reports_of(ALL, PERIOD_S * cycle), ais_tracks(FOUR), PERIOD_S * cycle, where
         memory, hearing = method.step(memory, SilenceInput(*given))
-    memory, hearing = method.step(memory, SilenceInput(Reports.empty(), ais_tracks(FOUR), PERIOD_S * 19 + 33.0, where))
+    memory, hearing = method.step(memory, SilenceInput(Reports(), ais_tracks(FOUR), PERIOD_S * 19 + 33.0, where))
     assert hearing.ais.silent.all()
     assert hearing.radars.silent.all()
     assert hearing.radars.stands_from_s.tolist() == [PERIOD_S * 19] * 2

@@ -54,13 +54,13 @@ def off_deg(one: Floats, other: Floats) -> float:
 def test_a_true_radar_is_left_as_it_is_and_a_magnetic_one_is_turned_by_the_variation() -> None:
     time_s, azimuth = np.arange(8.0), np.linspace(0.0, 350.0, 8)
     for sensor, turned in ((SHORE, 0.0), (MAGNETIC, VARIATION_DEG)):
-        given = replace(Reports.empty(), radar=plots(sensor, time_s, azimuth))
+        given = Reports(radar=plots(sensor, time_s, azimuth))
         memory, made = true_azimuths(HeadingMemory(), given, radars())
         assert off_deg(made.radar.azimuth_deg, azimuth + turned) < 1e-9
         assert ((made.radar.azimuth_deg >= 0.0) & (made.radar.azimuth_deg < 360.0)).all()
         assert memory.left_out == 0
     true_alone = radars().take(np.array([SHORE]))
-    given = replace(Reports.empty(), radar=plots(SHORE, time_s, azimuth))
+    given = Reports(radar=plots(SHORE, time_s, azimuth))
     assert true_azimuths(HeadingMemory(), given, true_alone)[1] is given
 
 
@@ -71,7 +71,7 @@ def test_plots_and_video_of_a_turning_ship_are_true_whatever_the_length_of_a_cyc
     true_deg = rng.uniform(0.0, 360.0, 500)
     from_bow = (true_deg - turning_deg(seen_s)) % 360.0
     every = replace(
-        Reports.empty(), radar=plots(SHIP, seen_s, from_bow), headings=headings(compass_s), video=spokes(seen_s, from_bow)
+        Reports(), radar=plots(SHIP, seen_s, from_bow), headings=headings(compass_s), video=spokes(seen_s, from_bow)
     )
     for cycle_s in (60.0, 3.0, 0.7):
         memory, azimuth, video = HeadingMemory(), [], []
@@ -92,7 +92,7 @@ def test_without_a_heading_near_its_time_an_echo_of_a_ship_is_left_out_and_count
     seen_s = np.array([-OLDEST_S - 0.5, -1.0, 5.0, 9.0 + OLDEST_S - 0.1, 9.0 + OLDEST_S + 0.1, 25.0, 36.0, 60.0])
     known = np.isfinite(heading_at(headings(compass_s), seen_s))
     assert known.tolist() == [False, True, True, True, False, False, True, False]
-    given = replace(Reports.empty(), radar=plots(SHIP, seen_s, np.zeros(8)), video=spokes(seen_s, np.zeros(8)))
+    given = Reports(radar=plots(SHIP, seen_s, np.zeros(8)), video=spokes(seen_s, np.zeros(8)))
     memory, made = true_azimuths(HeadingMemory(), replace(given, headings=headings(compass_s)), radars())
     assert (memory.left_out, len(made.radar), len(made.video)) == (8, 4, 4)
     memory, made = true_azimuths(HeadingMemory(), given, radars())

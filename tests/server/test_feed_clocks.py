@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from feed_world import NAMES, SCENARIO, SEA, SENSORS, deliver, items, put, sentence
+from feed_world import SCENARIO, SEA, SENSORS, deliver, items, put, sentence
 from server_world import Served
 
 from coastwatch.batches import AisReports, Reports
@@ -107,7 +107,7 @@ def test_asterix_and_json_of_a_clock_an_hour_ahead_are_of_their_arrival_and_said
     now_s = time.time()
     radar = SEA.radar.take(np.arange(20))
     radar = type(radar)(**{**radar.__dict__, "time_s": np.full(20, now_s + HOUR_S), "received_s": np.full(20, now_s + HOUR_S)})
-    datagrams = encoded(type(SEA)(**{**SEA.__dict__, "radar": radar}), parsed("asterix+udp://x:1"), NAMES)
+    datagrams = encoded(type(SEA)(**{**SEA.__dict__, "radar": radar}), parsed("asterix+udp://x:1"), SENSORS)
     with live("asterix+udp://127.0.0.1:0", "json+listen://127.0.0.1:0", "json+listen://127.0.0.1:0?name=good") as made:
         put(made.ports[1], [bearing(now_s + 3 * 365 * 86_400.0, degree) for degree in range(20)])
         put(made.ports[2], [bearing(now_s, 200 + degree) for degree in range(20)])
@@ -157,7 +157,7 @@ def zda(when_s: float) -> bytes:
 
 def plain(count: int, first: int = 0) -> list[bytes]:
     """AIS sentences without a time."""
-    lines = encoded(SEA, parsed("ais+tcp://x:1"), NAMES)
+    lines = encoded(SEA, parsed("ais+tcp://x:1"), SENSORS)
     bare = [line.rpartition(b"\\")[2] for line in lines]
     return [line for line in bare if line.split(b",")[1] == b"1"][first : first + count]
 
@@ -419,7 +419,7 @@ def test_vessels_that_wait_for_a_second_report_are_said_and_those_without_room_t
     position_deg = np.random.default_rng(1).uniform(-50.0, 50.0, (count, 2))
     speed, course = np.zeros(count), np.zeros(count)
     ais = AisReports(times_s, times_s, 300_000_000 + np.arange(count), position_deg, speed, course, np.zeros(count, np.bool_))
-    lines = encoded(replace(Reports.empty(), ais=ais), parsed("ais+listen://x:1"), NAMES)
+    lines = encoded(Reports(ais=ais), parsed("ais+listen://x:1"), SENSORS)
     with live("ais+listen://127.0.0.1:0?name=coast") as made:
         made._feeds[0].look()
         put(made.ports[0], lines)
@@ -431,7 +431,7 @@ def test_vessels_that_wait_for_a_second_report_are_said_and_those_without_room_t
         assert said.text.startswith("1500 MMSI are not in the picture: they are beyond the budget of new ones")
         monkeypatch.setattr(new_vessels, "MOST_WAITING", 1_000)
         ahead = replace(ais, mmsi=ais.mmsi + 10_000, time_s=times_s + 11.0, received_s=times_s + 11.0)
-        put(made.ports[0], encoded(replace(Reports.empty(), ais=ahead), parsed("ais+listen://x:1"), NAMES))
+        put(made.ports[0], encoded(Reports(ais=ahead), parsed("ais+listen://x:1"), SENSORS))
         deliver(made, 2 * count)
         made.between(now_s + 10.0, now_s + 20.0)
         made._feeds[0].look()

@@ -21,7 +21,6 @@ import numpy as np
 import pytest
 from asterix import generated
 from feed_world import (
-    NAMES,
     SCENARIO,
     SEA,
     SENSORS,
@@ -374,7 +373,7 @@ def test_the_generator_reaches_a_server_that_starts_later_and_counts_what_it_sen
         port = held.getsockname()[1]
     address = parsed(f"json+tcp://127.0.0.1:{port}")
     sent: dict[str, int] = {}
-    batches = iter([(START_S, lambda a: encoded(SEA, a, NAMES)), (START_S + 6.0, lambda a: [b"{}"])])
+    batches = iter([(START_S, lambda a: encoded(SEA, a, SENSORS)), (START_S + 6.0, lambda a: [b"{}"])])
     sender = threading.Thread(target=lambda: sent.update(send(batches, [address], 60.0, threading.Event())))
     sender.start()
     with receiving(f"json+listen://127.0.0.1:{port}") as made:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import reduce
 from operator import xor
 from types import SimpleNamespace
@@ -16,7 +17,7 @@ from server_world import Served, wait_for
 from coastwatch.batches import AisStatics, RadarReports, TrackSources
 from coastwatch.errors import StoreError
 from coastwatch.formats import decoding
-from coastwatch.formats.decoding import Counts, Waiting
+from coastwatch.formats.decoding import Counts, FeedSettings, Waiting
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.nmea.ais import AisDecoder
 from coastwatch.formats.nmea.targets import TargetDecoder
@@ -49,11 +50,11 @@ def plots(time_s: np.ndarray) -> RadarReports:
 def test_reports_that_wait_are_bounded_and_the_oldest_go(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(decoding, "MOST_WAITING", 1_000)
     counts = Counts()
-    waiting = Waiting(counts, Tally(), RadarReports)
+    waiting = Waiting(counts, Tally(), "radar")
     for k in range(50):
-        waiting.add(plots(NOW_S + np.arange(100) + 100.0 * k))
-        assert sum(map(len, waiting._parts)) <= 1_000
-    found = waiting.reports_between(NOW_S - 1.0, NOW_S + 5_000.0)
+        waiting.add("radar", plots(NOW_S + np.arange(100) + 100.0 * k))
+        assert waiting.rows <= 1_000
+    found = waiting.reports_between(NOW_S - 1.0, NOW_S + 5_000.0).radar
     assert len(found) >= 900
     assert len(found) + counts.dropped == 5_000
     assert found.received_s.min() == NOW_S + 5_000.0 - len(found)
@@ -94,7 +95,8 @@ def test_lines_that_belong_to_no_sentence_are_not_kept() -> None:
     decoder = AisDecoder("x", 0, True)
     one = np.full(1, 10.0)
     source = TrackSources(np.array(["other"]), np.full((1, 2), np.nan), np.zeros(1), one, one, one)
-    targets = TargetDecoder("x", source, 0, site_deg=np.array([50.0, -1.0]))
+    sensors = replace(SENSORS, track_sources=source)
+    targets = TargetDecoder(FeedSettings("x", "x", {"site": "50,-1"}, "other"), sensors)
     for k in range(20):
         for made in (decoder, targets):
             made.decode([(NOW_S + k, b"$PGHP,1,2026,1,1,0,0,0,0,,,1", 0)] * 200, None)

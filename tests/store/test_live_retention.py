@@ -60,7 +60,7 @@ def named(number: int, mmsi: Sequence[int]) -> Reports:
     n = len(mmsi)
     when, texts = np.full(n, world.instant_s(number)), np.array([f"SHIP {one}" for one in mmsi])
     sizes = np.full(n, 70), np.full(n, 120.0), np.full(n, np.nan)
-    return replace(Reports.empty(), statics=AisStatics(when, np.array(mmsi, np.int64), texts, np.full(n, ""), *sizes))
+    return Reports(statics=AisStatics(when, np.array(mmsi, np.int64), texts, np.full(n, ""), *sizes))
 
 
 def passing(number: int, vessels: int = 30) -> Picture:

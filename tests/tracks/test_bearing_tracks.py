@@ -218,7 +218,7 @@ def test_noise_beyond_the_stated_one_is_learned(true_deg: float) -> None:
 
 
 def test_a_contact_number_that_is_too_large_is_left_out_and_counted_and_ends_no_run() -> None:
-    sent = replace(Reports.empty(), bearing=say(0, [3.0, 3.0], [10.0, 20.0], [7, CONTACTS]))
+    sent = Reports(bearing=say(0, [3.0, 3.0], [10.0, 20.0], [7, CONTACTS]))
     kept, found = reports_within(sent)
     assert kept.bearing.contact.tolist() == [7]
     assert found == {"bearing: contact number": 1}

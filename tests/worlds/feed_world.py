@@ -22,7 +22,6 @@ from coastwatch.server.feeds.sending import encoded
 START_S, SPAN_S = 1_750_000_000.0, 30.0
 SCENARIO = load_scenario("guanabara")
 SENSORS = SCENARIO.sensors()
-NAMES = {"plot": SENSORS.radars.name, "bearing": SENSORS.sonars.name}
 
 
 def sea(vessels: int = 40, seed: int = 1) -> Reports:
@@ -57,7 +56,7 @@ SEA = sea()
 
 
 def items(address: str) -> list[bytes]:
-    return encoded(SEA, parsed(address), NAMES)
+    return encoded(SEA, parsed(address), SENSORS)
 
 
 @contextmanager

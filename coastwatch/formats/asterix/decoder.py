@@ -7,8 +7,7 @@ Part 7 (CAT 010, edition 1.1) and Part 9 (CAT 062, edition 1.20).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator
 from datetime import UTC, date, datetime
 from functools import cache
 from itertools import pairwise
@@ -17,12 +16,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import Floats, RadarReports, Radars, Reports, Sensors, TrackReports
-from coastwatch.errors import InputError
+from coastwatch.batches import Floats, RadarReports, Radars, Reports, Sensors
+from coastwatch.errors import AddressError, InputError
 from coastwatch.formats.asterix.system_tracks import DAY_S, SystemTracks, time_of_day_s
 from coastwatch.formats.asterix.tracks import Track, quantity_of, reports_of, track_of, uint_of
-from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
-from coastwatch.formats.format import NAMED_BY_CODES, Format, SensorNames
+from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps, Waiting
+from coastwatch.formats.format import NAMED_BY_CODES, Format
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import NAUTICAL_MILE_M
 
@@ -66,7 +65,7 @@ class Origin(NamedTuple):
 
 
 def origins_of(feed: FeedSettings, sensors: Sensors) -> dict[tuple[int, int], Origin]:
-    """What each SAC and SIC that an address names stands for, as in asterix+udp://:8600?25/1=north. Raises: OptionError."""
+    """What each SAC and SIC that an address names stands for, as in asterix+udp://:8600?25/1=north. Raises: AddressError."""
     radars, sources = [str(name) for name in sensors.radars.name], [str(name) for name in sensors.track_sources.name]
     origins = {}
     for key, value in feed.options.items():
@@ -75,7 +74,7 @@ def origins_of(feed: FeedSettings, sensors: Sensors) -> dict[tuple[int, int], Or
         sac, _, sic = key.partition("/")
         if not (sac.isdecimal() and sic.isdecimal()) or value not in (*radars, *sources):
             names = ", ".join([*radars, *sources]) or "none"
-            raise OptionError(
+            raise AddressError(
                 f"feed: got {key}={value} in {feed.text!r}, needed SAC/SIC=NAME with a radar or track source of {names}; "
                 f"--set 'track_sources=[{{name=\"{value}\"}}]' makes a track source"
             )
@@ -86,16 +85,16 @@ def origins_of(feed: FeedSettings, sensors: Sensors) -> dict[tuple[int, int], Or
 
 
 def date_of(feed: FeedSettings) -> float | None:
-    """The beginning of the day in `?date=YYYY-MM-DD`, Unix time; None: there is none. Raises: OptionError."""
+    """The beginning of the day in `?date=YYYY-MM-DD`, Unix time; None: there is none. Raises: AddressError."""
     text = feed.options.get("date")
     if text is None:
         return None
     try:
         begin_s = datetime.combine(date.fromisoformat(text), datetime.min.time(), UTC).timestamp()
     except ValueError:
-        raise OptionError(f"feed: got date={text} in {feed.text!r}, needed the day of its first report, YYYY-MM-DD") from None
+        raise AddressError(f"feed: got date={text} in {feed.text!r}, needed the day of its first report, YYYY-MM-DD") from None
     if feed.checked:
-        raise OptionError(f"feed: got date= in {feed.text!r}, needed --clock feeds with it: it is for replays")
+        raise AddressError(f"feed: got date= in {feed.text!r}, needed --clock feeds with it: it is for replays")
     return begin_s
 
 
@@ -105,24 +104,15 @@ class AsterixDecoder:
     Where its address names nothing, SIC 1 is the first radar of the scenario, 2 the second, and CAT 062 is of the only track source.
     """
 
-    def __init__(
-        self,
-        name: str,
-        sensors: Sensors,
-        *,
-        origins: Mapping[tuple[int, int], Origin],
-        date_s: float | None = None,
-        checked: bool = True,
-    ) -> None:
-        """Args: name: of the feed; origins: by SAC and SIC; date_s: of its first report; checked: by the clock of the machine."""
-        self.tally, self.counts = Tally(), Counts()
-        self.checked = checked
-        self.stamps = Stamps(name, checked, self.tally)
-        self._name, self._sensors = name, sensors
-        self._messages, self._where = 0, name  # datagrams that have come, and the location of the one that is decoded
-        self._origins, self._date_s = origins, date_s
-        self._plots = Waiting(self.counts, self.tally, RadarReports)
-        self._tracks = Waiting(self.counts, self.tally, TrackReports)
+    def __init__(self, feed: FeedSettings, sensors: Sensors) -> None:
+        """Raises: AddressError."""
+        self.tally, self.counts, self.checked = Tally(), Counts(), feed.checked
+        self.stamps = Stamps(feed.name, feed.checked, self.tally)
+        self._name, self._sensors = feed.name, sensors
+        self._messages, self._where = 0, feed.name  # datagrams that have come, and the location of the one that is decoded
+        self._origins, self._date_s = origins_of(feed, sensors), date_of(feed)
+        self._waiting = Waiting(self.counts, self.tally, "radar", "tracks")
+        self.reports_between = self._waiting.reports_between
 
     @property
     def has_dates(self) -> bool:
@@ -132,7 +122,7 @@ class AsterixDecoder:
     @property
     def waiting(self) -> int:
         """As of `Decoder`."""
-        return self._plots.rows + self._tracks.rows
+        return self._waiting.rows
 
     def decode(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A time of day is that nearest to the reference, or to the arrival."""
@@ -148,14 +138,9 @@ class AsterixDecoder:
                     tracks.append(decoded)
         if plots:
             table = np.array(plots, np.float64)
-            self._plots.add(_radar_reports(table, self._sensors.radars))
+            self._waiting.add("radar", _radar_reports(table, self._sensors.radars))
         for source in sorted({number for number, _ in tracks}):
-            self._tracks.add(reports_of(source, [track for number, track in tracks if number == source]))
-
-    def reports_between(self, after_s: float, until_s: float) -> Reports:
-        """As `ReportsBetween`."""
-        radar, tracks = self._plots.reports_between(after_s, until_s), self._tracks.reports_between(after_s, until_s)
-        return replace(Reports.empty(), radar=radar, tracks=tracks)
+            self._waiting.add("tracks", reports_of(source, [track for number, track in tracks if number == source]))
 
     def _targets_of(self, data: bytes, arrived_s: float, about_s: float) -> Iterator[Plot | tuple[int, Track]]:
         """The plots and the tracks, with the number of their source, of a datagram. What cannot be used is counted.
@@ -255,7 +240,6 @@ def _radar_reports(table: Floats, radars: Radars) -> RadarReports:
         range_m=table[:, 2].copy(),
         azimuth_deg=table[:, 3].copy(),
         site_deg=radars.site_deg[sensor],
-        origin=np.full(len(table), -1, np.int64),
     )
 
 
@@ -294,7 +278,7 @@ def _record(kind: Any, reports: RadarReports, row: int) -> Any:
     )
 
 
-def encode(reports: Reports, names: SensorNames) -> list[bytes]:
+def encode(reports: Reports, sensors: Sensors) -> list[bytes]:
     """CAT 048 datagrams of plots."""
     return list(datagrams(reports.radar))
 
@@ -309,9 +293,7 @@ def block_length(data: bytes, begin: int) -> int:
 
 ASTERIX = Format(
     "asterix",
-    decoder=lambda feed, sensors: AsterixDecoder(
-        feed.name, sensors, origins=origins_of(feed, sensors), date_s=date_of(feed), checked=feed.checked
-    ),
+    decoder=AsterixDecoder,
     options=(NAMED_BY_CODES, "date", "source"),
     encode=encode,
     encodes=("radar",),

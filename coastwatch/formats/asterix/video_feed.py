@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from coastwatch.batches import RadarVideo, Reports, Sensors, Videos
 from coastwatch.batches.limits import MOST_RANGE_M
-from coastwatch.errors import InputError
+from coastwatch.errors import AddressError, InputError
 from coastwatch.formats.asterix.beam_time import FULL_TURN
 from coastwatch.formats.asterix.decoder import SAC, Origin, block_length, date_of, nearest_s, origins_of
 from coastwatch.formats.asterix.spokes import HALF_LIGHT_M_FS, SpokeJoiner
 from coastwatch.formats.asterix.system_tracks import DAY_S
 from coastwatch.formats.asterix.video import MOST_CELLS, VideoMessage, VideoText, decode, encode
-from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps
-from coastwatch.formats.format import NAMED_BY_CODES, Format, SensorNames
+from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps
+from coastwatch.formats.format import NAMED_BY_CODES, Format
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.video_state import VideoState
 
@@ -51,14 +50,17 @@ class _Sender(NamedTuple):
 class VideoDecoder:
     """The datagrams of one feed. Where its address names nothing, SIC 1 is the first radar of the scenario, 2 the second."""
 
-    def __init__(
-        self, feed: FeedSettings, sensors: Sensors, origins: Mapping[tuple[int, int], Origin], date_s: float | None
-    ) -> None:
-        """Args: origins: by SAC and SIC, radars alone; date_s: of its first report."""
+    def __init__(self, feed: FeedSettings, sensors: Sensors) -> None:
+        """Raises: AddressError."""
         self.tally, self.counts, self.checked = Tally(), Counts(), feed.checked
         self.stamps = Stamps(feed.name, feed.checked, self.tally)
-        self._feed, self._sensors, self._origins = feed, sensors, origins
-        self._date_s, self._before_s = date_s, math.nan  # of the first report; the newest stamp, where there is a date
+        self._feed, self._sensors, self._origins = feed, sensors, origins_of(feed, sensors)
+        for (sac, sic), origin in self._origins.items():
+            if origin.is_track_source:
+                raise AddressError(
+                    f"feed: got {sac}/{sic} of a track source in {feed.text!r}, needed a radar: video has no tracks"
+                )
+        self._date_s, self._before_s = date_of(feed), math.nan  # of the first report; the newest stamp, where there is a date
         self._messages = 0  # datagrams that have come
         self._joiners: dict[tuple[int, int], SpokeJoiner] = {}
         self._senders: dict[tuple[int, int], _Sender] = {}
@@ -115,7 +117,7 @@ class VideoDecoder:
         self._videos = rest
         joined = Videos(_joined([part for part in parts if len(part)]))
         self.counts.records += len(joined)
-        return replace(Reports.empty(), video=joined)
+        return Reports(video=joined)
 
     @property
     def _where(self) -> str:
@@ -216,16 +218,7 @@ def _joined(parts: list[RadarVideo]) -> tuple[RadarVideo, ...]:
     return tuple(map(RadarVideo.join, groups))
 
 
-def _decoder(feed: FeedSettings, sensors: Sensors) -> VideoDecoder:
-    """Raises: OptionError."""
-    origins = origins_of(feed, sensors)
-    for (sac, sic), origin in origins.items():
-        if origin.is_track_source:
-            raise OptionError(f"feed: got {sac}/{sic} of a track source in {feed.text!r}, needed a radar: video has no tracks")
-    return VideoDecoder(feed, sensors, origins, date_of(feed))
-
-
-def datagrams(reports: Reports, names: SensorNames) -> list[bytes]:
+def datagrams(reports: Reports, sensors: Sensors) -> list[bytes]:
     """CAT 240 datagrams of video, by time. SIC is the number of the radar from 1 on; numbers of messages begin at 0.
 
     Raises: InputError: cells of more than 2**32 fs, or a first cell that is at no whole number of them.
@@ -278,7 +271,7 @@ def stamps(blocks: list[bytes]) -> Iterator[tuple[int, float]]:
 
 VIDEO = Format(
     "video",
-    decoder=_decoder,
+    decoder=VideoDecoder,
     options=(NAMED_BY_CODES, "date"),
     encode=datagrams,
     encodes=("video",),

@@ -236,7 +236,6 @@ class Acceptance:
             sog_kn=np.where(_within(rows.sog_kn, NOT_AVAILABLE_SOG_KN), rows.sog_kn, np.nan),
             cog_deg=np.where(_within(rows.cog_deg, 360.0), rows.cog_deg, np.nan),
             class_b=rows.class_b,
-            origin=np.full(len(rows), -1, np.int64),
             nav_status=rows.nav_status,
             accuracy=rows.accuracy,
             covariance=rows.covariance,

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import AisReports, AisStatics, Bools, Floats, Ints, Reports
+from coastwatch.batches import AisReports, AisStatics, Bools, Floats, Ints, Reports, Sensors
 from coastwatch.formats import decoding
 from coastwatch.formats.decoding import FAR_AHEAD_S, Counts, Item, Newest, Stamps
-from coastwatch.formats.format import Format, SensorNames, rounded_deg
+from coastwatch.formats.format import Format, rounded_deg
 from coastwatch.formats.intake.ais_validation import DUPLICATE, Acceptance, AisIntake, AisRows, StaticRows
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import repeated
@@ -158,7 +158,7 @@ class AisDecoder:
         """The reports of these positions, and names and sizes up to an instant."""
         reports, named = self._acceptance.block(rows, *self._named(until_s))
         self.counts.records += len(reports) + len(named)
-        return replace(Reports.empty(), ais=reports, statics=named)
+        return Reports(ais=reports, statics=named)
 
     def _named(self, until_s: float) -> tuple[AisStatics, StaticRows]:
         """Names and sizes up to an instant, also late ones, in order of time and content."""
@@ -206,7 +206,7 @@ class Receivers:
             decoder.tally.add_rows(DUPLICATE, own & ~first, lambda i: "live", lambda i: f"MMSI {rows.mmsi[i]}")
             decoder.tally.add_rows(BEYOND, own & first & ~is_used, lambda i: "live", lambda i: f"MMSI {rows.mmsi[i]}")
             reports.append(decoder.accepted(rows.take(own & first & is_used), until_s))
-        return Reports.merged(reports) if reports else Reports.empty()
+        return Reports.merged(reports)
 
     def _first(self, message: Ints, time_s: Floats) -> Bools:
         """Which messages are heard for the first time. Args: (M, 2) digest and MMSI, (M,), later than those of the calls before."""
@@ -217,7 +217,7 @@ class Receivers:
         return np.asarray(~again[len(every) - len(message) :])
 
 
-def encode(reports: Reports, names: SensorNames) -> list[bytes]:
+def encode(reports: Reports, sensors: Sensors) -> list[bytes]:
     """The sentences of positions, then those of names and sizes, each after a tag block with its time of reception."""
     return [*_position_lines(reports.ais), *_static_lines(reports.statics)]
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
-from coastwatch.batches import AzimuthReference, HeadingReports, Ints, Radars, Reports
-from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
-from coastwatch.formats.format import Format, SensorNames, rounded_deg
+from coastwatch.batches import AzimuthReference, HeadingReports, Ints, Radars, Reports, Sensors
+from coastwatch.errors import AddressError
+from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps, Waiting
+from coastwatch.formats.format import Format, rounded_deg
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.nmea.sentence_feed import SentenceFeed, has_numbers, made_sentence, parsed_sentence
 
@@ -26,13 +26,14 @@ class HeadingDecoder:
 
     has_dates = True
 
-    def __init__(self, feed: FeedSettings, radars: Ints) -> None:
-        """Args: radars: (K,) numbers of those that stand on its ship."""
+    def __init__(self, feed: FeedSettings, sensors: Sensors) -> None:
+        """Raises: AddressError."""
         self.tally, self.counts, self.checked = Tally(), Counts(), feed.checked
         self.stamps = Stamps(feed.name, feed.checked, self.tally)
-        self._radars = radars
+        self._radars = _radars_of(feed, sensors.radars)
         self._cut = SentenceFeed(feed.name, tuple(FIELDS), self.tally, self.counts.ledger)
-        self._waiting = Waiting(self.counts, self.tally, HeadingReports)
+        self._waiting = Waiting(self.counts, self.tally, "headings")
+        self.reports_between = self._waiting.reports_between
 
     @property
     def waiting(self) -> int:
@@ -58,29 +59,25 @@ class HeadingDecoder:
         usable, count = np.isfinite(time_s), len(self._radars)
         time_s = np.repeat(time_s[usable], count)
         sensor = np.tile(self._radars, int(usable.sum()))
-        self._waiting.add(HeadingReports(sensor, time_s, time_s, np.repeat(table[usable, 2], count)))
-
-    def reports_between(self, after_s: float, until_s: float) -> Reports:
-        """As `ReportsBetween`."""
-        return replace(Reports.empty(), headings=self._waiting.reports_between(after_s, until_s))
+        self._waiting.add("headings", HeadingReports(sensor, time_s, time_s, np.repeat(table[usable, 2], count)))
 
 
 def _radars_of(feed: FeedSettings, radars: Radars) -> Ints:
-    """The radars in `?radar=NAME,NAME`; without it all that count azimuths from the bow. Raises: OptionError: there is none."""
+    """The radars in `?radar=NAME,NAME`; without it all that count azimuths from the bow. Raises: AddressError: there is none."""
     by_heading = np.flatnonzero(radars.azimuth_reference == AzimuthReference.HEADING)
     known = {str(radars.name[k]): k for k in by_heading.tolist()}
     named = feed.options["radar"].split(",") if "radar" in feed.options else list(known)
     if not named or not set(named) <= known.keys():
-        raise OptionError(
+        raise AddressError(
             f"feed: got {feed.text!r}, needed ?radar=NAME with radars of azimuth_reference = 'heading', of "
             f"{', '.join(known) or 'none'}"
         )
     return np.array(sorted({known[name] for name in named}), np.int64)
 
 
-def encode(reports: Reports, names: SensorNames) -> list[bytes]:
+def encode(reports: Reports, sensors: Sensors) -> list[bytes]:
     """HDT sentences, each after a tag block with its time, and the radar as its source."""
-    headings, radar = reports.headings, names["plot"]
+    headings, radar = reports.headings, sensors.radars.name
     lines = []
     for k, time_s, heading in zip(
         headings.sensor.tolist(), headings.time_s.tolist(), headings.heading_deg.tolist(), strict=True
@@ -93,7 +90,7 @@ def encode(reports: Reports, names: SensorNames) -> list[bytes]:
 
 HEADING = Format(
     "heading",
-    decoder=lambda feed, sensors: HeadingDecoder(feed, _radars_of(feed, sensors.radars)),
+    decoder=HeadingDecoder,
     encode=encode,
     encodes=("headings",),
     options=("radar",),

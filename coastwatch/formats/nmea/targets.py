@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import Floats, Reports, TrackReports, TrackSources
+from coastwatch.batches import Floats, Sensors, TrackReports, TrackSources
 from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
-from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
+from coastwatch.errors import AddressError
+from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps, Waiting
 from coastwatch.formats.format import Format, OutSettings, Vessels, rounded_deg
 from coastwatch.formats.intake.ais_validation import LATITUDE, LONGITUDE
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
@@ -178,18 +179,17 @@ class TargetDecoder:
 
     has_dates = True
 
-    def __init__(
-        self, name: str, sources: TrackSources, source: int, *, site_deg: Floats | None = None, checked: bool = True
-    ) -> None:
-        """Args: name: of the feed; source: number of its track source; site_deg: (2,); checked: by the clock of the machine."""
-        self.tally, self.counts = Tally(), Counts()
-        self.checked = checked
-        self.stamps = Stamps(name, checked, self.tally)
-        self._source = source
+    def __init__(self, feed: FeedSettings, sensors: Sensors) -> None:
+        """Raises: AddressError."""
+        self.tally, self.counts, self.checked = Tally(), Counts(), feed.checked
+        self.stamps = Stamps(feed.name, feed.checked, self.tally)
+        sources, site_deg = sensors.track_sources, site_of(feed)
+        self._source = source = source_of(feed, sources)
         site_deg = sources.site_deg[source] if site_deg is None else site_deg
         self._targets = TargetSentences(site_deg, float(sources.heading_deg[source]), math.nan, self.tally)
-        self._waiting = Waiting(self.counts, self.tally, TrackReports)
-        self._cut = SentenceFeed(name, TARGETS + OWN_SHIP, self.tally, self.counts.ledger)
+        self._waiting = Waiting(self.counts, self.tally, "tracks")
+        self.reports_between = self._waiting.reports_between
+        self._cut = SentenceFeed(feed.name, TARGETS + OWN_SHIP, self.tally, self.counts.ledger)
 
     @property
     def waiting(self) -> int:
@@ -212,23 +212,20 @@ class TargetDecoder:
             time_s = self.stamps.times_s(table[:, 1], np.array(arrived))
             usable = np.isfinite(time_s)
             time_s, table = time_s[usable], table[usable]
-            self._waiting.add(track_reports(self._source, table[:, 0].astype(np.int64), time_s, table[:, 3:5], table[:, 5:7]))
-
-    def reports_between(self, after_s: float, until_s: float) -> Reports:
-        """As `ReportsBetween`."""
-        return replace(Reports.empty(), tracks=self._waiting.reports_between(after_s, until_s))
+            reports = track_reports(self._source, table[:, 0].astype(np.int64), time_s, table[:, 3:5], table[:, 5:7])
+            self._waiting.add("tracks", reports)
 
 
 def source_of(feed: FeedSettings, sources: TrackSources) -> int:
-    """The number of the track source of a feed. Raises: OptionError."""
+    """The number of the track source of a feed. Raises: AddressError."""
     names = [str(name) for name in sources.name]
     if feed.source not in names:
-        raise OptionError(f"feed: got {feed.text!r}, needed ?source=NAME with a track source of {', '.join(names) or 'none'}")
+        raise AddressError(f"feed: got {feed.text!r}, needed ?source=NAME with a track source of {', '.join(names) or 'none'}")
     return names.index(feed.source)
 
 
 def site_of(feed: FeedSettings) -> Floats | None:
-    """The position in `?site=LAT,LON`; None: there is none. Raises: OptionError."""
+    """The position in `?site=LAT,LON`; None: there is none. Raises: AddressError."""
     text = feed.options.get("site")
     if text is None:
         return None
@@ -237,7 +234,7 @@ def site_of(feed: FeedSettings) -> Floats | None:
     except ValueError:
         latitude = longitude = math.nan
     if not (abs(latitude) < 85.0 and abs(longitude) <= 180.0):
-        raise OptionError(f"feed: got site={text} in {feed.text!r}, needed LAT,LON in degrees, e.g. site=50.795,-1.105")
+        raise AddressError(f"feed: got site={text} in {feed.text!r}, needed LAT,LON in degrees, e.g. site=50.795,-1.105")
     return np.array([latitude, longitude])
 
 
@@ -254,7 +251,6 @@ def track_reports(
         position_deg=position_deg.copy(),
         velocity_m_s=velocity_m_s.copy(),
         covariance=np.full((n, 4, 4), np.nan) if covariance is None else covariance,
-        origin=np.full(n, -1, np.int64),
     )
 
 
@@ -308,13 +304,7 @@ def _pictures(to: OutSettings) -> TargetEncoder:
 
 TTM = Format(
     "ttm",
-    decoder=lambda feed, sensors: TargetDecoder(
-        feed.name,
-        sensors.track_sources,
-        source_of(feed, sensors.track_sources),
-        site_deg=site_of(feed),
-        checked=feed.checked,
-    ),
+    decoder=TargetDecoder,
     pictures=_pictures,
     options=("source", "site"),
     needs_site=True,

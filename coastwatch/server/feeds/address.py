@@ -8,7 +8,7 @@ from ipaddress import AddressValueError, IPv4Address
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from coastwatch.errors import AddressError
-from coastwatch.formats.decoding import FeedSettings, OptionError
+from coastwatch.formats.decoding import FeedSettings
 from coastwatch.formats.registry import DECODED, FORMATS, check_options
 from coastwatch.spelling import ONE_LINE
 
@@ -71,10 +71,7 @@ def parsed(text: str) -> Address:
             f"{', '.join(TRANSPORTS)}, e.g. {EXAMPLES}"
         )
     options = dict(parse_qsl(parts.query, keep_blank_values=True))
-    try:
-        check_options(format_, text, options, OPTIONS.get(transport, ()))
-    except OptionError as error:
-        raise AddressError(str(error)) from None
+    check_options(format_, text, options, OPTIONS.get(transport, ()))
     if options.get("from", "start") != "start":
         raise AddressError(f"feed: got from={options['from']} in {text!r}, needed from=start: else only what is added is read")
     if transport == "file":

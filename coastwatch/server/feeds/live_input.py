@@ -17,7 +17,6 @@ from dataclasses import replace
 from typing import Literal, Self
 
 from coastwatch.batches import Fault, FileContent, RadarVideo, Recording, Reports, Sensors, TrackReports
-from coastwatch.errors import AddressError
 from coastwatch.formats.asterix.video_feed import VIDEO
 from coastwatch.formats.decoding import (
     AHEAD,
@@ -28,7 +27,6 @@ from coastwatch.formats.decoding import (
     NO_TIME,
     Decoder,
     Item,
-    OptionError,
     decode,
 )
 from coastwatch.formats.intake.faults import refused
@@ -181,10 +179,7 @@ class LiveInput:
             (address.format, replace(address.settings(clock == "wall"), sender_name=inbox.sender_name, on_video=on_video))
             for address, inbox in zip(addresses, self._receiver.inboxes, strict=True)
         ]
-        try:
-            decoders, self._report_sources = decoders_of(feeds, sensors)
-        except OptionError as error:
-            raise AddressError(str(error)) from error
+        decoders, self._report_sources = decoders_of(feeds, sensors)
         self._feeds = [_Feed(inbox, decoder) for inbox, decoder in zip(self._receiver.inboxes, decoders, strict=True)]
         self._names = tuple(address.name for address in addresses if FORMATS[address.format].numbered)
 
@@ -286,7 +281,7 @@ class LiveInput:
     def between(self, after_s: float, until_s: float) -> Reports:
         """As `ReportStream.between`."""
         self._decode(until_s, now_s() + max(HELD_UP * self._period_s, now_s() - self._decoded_s))
-        reports = Reports.merged([Reports.empty(), *(source(after_s, until_s) for source in self._report_sources)])
+        reports = Reports.merged([source(after_s, until_s) for source in self._report_sources])
         if not self._regions:
             return reports
         of_regions = [region.reports_between(after_s, until_s) for region in self._regions]

@@ -10,14 +10,12 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Protocol
 
 from coastwatch.batches import Reports, Sensors
 from coastwatch.errors import AddressError, InputError
-from coastwatch.formats.format import SensorNames
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.registry import FORMATS
 from coastwatch.scenario import Scenario
@@ -94,12 +92,12 @@ def of_scenario(scenario: Scenario, sensors: Sensors, formats: Collection[str], 
     if now:
         plan = plan.model_copy(update={"start_s": float(math.ceil(time.time()))})
     recording = scenario.input.load(sensors, scenario.seed, plan)
-    names, numbers = {"plot": sensors.radars.name, "bearing": sensors.sonars.name}, defaultdict[str, Counter[bytes]](Counter)
-    encode, step_s = partial(_encoded, _kinds(formats), names, numbers), VIDEO_STEP_S if "video" in formats else STEP_S
+    numbers = defaultdict[str, Counter[bytes]](Counter)
+    encode, step_s = partial(_encoded, _kinds(formats), sensors, numbers), VIDEO_STEP_S if "video" in formats else STEP_S
     before_s, stop_s = plan.start_s, plan.instant_s(plan.cycles - 1)
     begin_s = float(math.floor(time.time())) if now else before_s
     if begin_s > before_s:
-        named = replace(Reports.empty(), statics=recording.reports.between(before_s, begin_s).statics)
+        named = Reports(statics=recording.reports.between(before_s, begin_s).statics)
         yield begin_s, partial(encode, named)
         before_s = begin_s
     while before_s < stop_s:
@@ -120,11 +118,11 @@ def _kinds(formats: Collection[str]) -> dict[str, list[str]]:
 
 
 def _encoded(
-    kinds: dict[str, list[str]], names: SensorNames, numbers: dict[str, Counter[bytes]], reports: Reports, address: Address
+    kinds: dict[str, list[str]], sensors: Sensors, numbers: dict[str, Counter[bytes]], reports: Reports, address: Address
 ) -> list[bytes]:
     """What a feed carries of some reports. Args: numbers: of the messages sent so far by each sensor, by feed."""
-    own = {kind: getattr(reports, kind) for kind in kinds[address.format]}
-    messages, renumber = encoded(replace(Reports.empty(), **own), address, names), FORMATS[address.format].renumber
+    own = Reports(**{kind: getattr(reports, kind) for kind in kinds[address.format]})
+    messages, renumber = encoded(own, address, sensors), FORMATS[address.format].renumber
     return messages if renumber is None else renumber(messages, numbers[address.text])
 
 
@@ -187,10 +185,10 @@ def _constant(formats: Sequence[str], messages: list[bytes], address: Address) -
     return messages if address.format in formats else []
 
 
-def encoded(reports: Reports, address: Address, names: SensorNames) -> list[bytes]:
+def encoded(reports: Reports, address: Address, sensors: Sensors) -> list[bytes]:
     """The reports that a feed of this format carries, as its lines or datagrams."""
     encode = FORMATS[address.format].encode
-    return [] if encode is None else encode(reports, names)
+    return [] if encode is None else encode(reports, sensors)
 
 
 class _Datagrams:

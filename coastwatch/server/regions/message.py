@@ -71,7 +71,6 @@ class RegionCycle:
             position_deg=tracks.position_deg,
             velocity_m_s=tracks.velocity_m_s,
             covariance=tracks.covariance,
-            origin=np.full(n, -1, np.int64),
             echo_length_m=tracks.echo_length_m,
             echo_width_m=tracks.echo_width_m,
             echo_axis_deg=tracks.echo_axis_deg,
