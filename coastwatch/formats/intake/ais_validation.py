@@ -125,7 +125,7 @@ class StaticRows(Batch):
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen(Batch):
+class Seen(Batch):
     """The newest records of a stream: what makes two of them one message, and when they came."""
 
     digest: Ints = column(np.int64, "M")
@@ -169,7 +169,7 @@ class Acceptance:
         self._accepted_s = np.zeros(0)
         self.newest_s = -math.inf  # time of reception, so far
         self.backwards = 0  # records refused so far because they go back in time
-        self._positions, self._statics = _Seen.empty(), _Seen.empty()
+        self._positions, self._statics = Seen.empty(), Seen.empty()
         self._ages = _SecondAges.empty()
 
     def block(
@@ -216,7 +216,9 @@ class Acceptance:
         intake = self._intake
         good = self._good(_faults(rows), rows.row, partial(_example, rows))
         rows, received = rows.take(good), received[good]
-        twice, self._positions = _repeated(self._positions, rows.digest, rows.mmsi, received, intake.duplicate_within_s)
+        twice, self._positions = repeated_in_stream(
+            self._positions, rows.digest, rows.mmsi, received, intake.duplicate_within_s
+        )
         again = {DUPLICATE: twice}
         if len(rows) and (rows.second < 0).all():
             same = (rows.mmsi, rows.position_deg[:, 0], rows.position_deg[:, 1])
@@ -268,7 +270,9 @@ class Acceptance:
 
     def _static_data(self, static_rows: StaticRows, received: Floats, statics: AisStatics) -> AisStatics:
         mmsi = statics.mmsi[static_rows.static]
-        again, self._statics = _repeated(self._statics, static_rows.digest, mmsi, received, self._intake.duplicate_within_s)
+        again, self._statics = repeated_in_stream(
+            self._statics, static_rows.digest, mmsi, received, self._intake.duplicate_within_s
+        )
         unknown = np.full(len(mmsi), StationKind.UNKNOWN, np.int64)
         faults = {**no_vessels(mmsi, unknown), DUPLICATE: again}
         good = self._good(faults, static_rows.row, lambda i: f"static data of MMSI {mmsi[i]}")
@@ -288,9 +292,9 @@ def _sorted(reports: Timed) -> Timed:
     return reports.take(np.argsort(reports.received_s, kind="stable"))
 
 
-def _repeated(before: _Seen, digest: Ints, mmsi: Ints, received_s: Floats, within_s: float) -> tuple[Bools, _Seen]:
+def repeated_in_stream(before: Seen, digest: Ints, mmsi: Ints, received_s: Floats, within_s: float) -> tuple[Bools, Seen]:
     """Which records repeat one at most so long before them, and the records that the next block must know."""
-    every = _Seen.join([before, _Seen(digest, mmsi, received_s)])
+    every = Seen.join([before, Seen(digest, mmsi, received_s)])
     again = repeated((every.digest, every.mmsi), every.received_s, within_s)[len(before) :]
     return again, every.take(every.received_s >= every.received_s.max(initial=-np.inf) - within_s)
 

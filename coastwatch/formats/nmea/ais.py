@@ -10,13 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import AisReports, AisStatics, Bools, Floats, Ints, Reports, Sensors
+from coastwatch.batches import AisReports, AisStatics, Ints, Reports, Sensors
 from coastwatch.formats import decoding
 from coastwatch.formats.decoding import FAR_AHEAD_S, Counts, Item, Newest, Stamps
 from coastwatch.formats.format import Format, rounded_deg
-from coastwatch.formats.intake.ais_validation import DUPLICATE, Acceptance, AisIntake, AisRows, StaticRows
+from coastwatch.formats.intake.ais_validation import (
+    DUPLICATE,
+    Acceptance,
+    AisIntake,
+    AisRows,
+    Seen,
+    StaticRows,
+    repeated_in_stream,
+)
 from coastwatch.formats.intake.faults import Ledger, Tally
-from coastwatch.formats.intake.reception_time import repeated
 from coastwatch.formats.nmea.messages import Assembler, Messages, messages_where
 from coastwatch.formats.nmea.new_vessels import BEYOND, NewVessels
 from coastwatch.formats.nmea.payload import decoded
@@ -186,7 +193,7 @@ class Receivers:
 
     def __init__(self, decoders: Sequence[AisDecoder]) -> None:
         self._decoders, self._new = decoders, NewVessels()
-        self._seen = np.zeros((0, 2), np.int64), np.zeros(0)  # digest and MMSI of messages, and their times
+        self._seen = Seen.empty()
 
     def reports_between(self, after_s: float, until_s: float) -> Reports:
         """As `ReportsBetween`, of all of them."""
@@ -196,7 +203,8 @@ class Receivers:
         sender = np.concatenate([np.zeros(0, np.int64), *(senders for _, senders in parts)])
         order = np.lexsort((feed, rows.digest, rows.second, rows.mmsi, rows.stamp_s))
         rows, feed, sender = rows.take(order), feed[order], sender[order]
-        first = self._first(np.stack([rows.digest, rows.mmsi], 1), rows.stamp_s)
+        again, self._seen = repeated_in_stream(self._seen, rows.digest, rows.mmsi, rows.stamp_s, TWICE_WITHIN_S)
+        first = ~again
         is_used = self._new.accepted(rows.mmsi, rows.stamp_s, rows.position_deg, feed, sender)
         waiting, no_room = self._new.set_aside(until_s, len(parts))
         reports = []
@@ -207,14 +215,6 @@ class Receivers:
             decoder.tally.add_rows(BEYOND, own & first & ~is_used, lambda i: "live", lambda i: f"MMSI {rows.mmsi[i]}")
             reports.append(decoder.accepted(rows.take(own & first & is_used), until_s))
         return Reports.merged(reports)
-
-    def _first(self, message: Ints, time_s: Floats) -> Bools:
-        """Which messages are heard for the first time. Args: (M, 2) digest and MMSI, (M,), later than those of the calls before."""
-        every, when = (np.concatenate([old, new]) for old, new in zip(self._seen, (message, time_s), strict=True))
-        again = repeated(tuple(every.T), when, TWICE_WITHIN_S)
-        recent = when >= when.max(initial=-math.inf) - TWICE_WITHIN_S
-        self._seen = every[recent], when[recent]
-        return np.asarray(~again[len(every) - len(message) :])
 
 
 def encode(reports: Reports, sensors: Sensors) -> list[bytes]:

@@ -10,6 +10,7 @@ import numpy as np
 from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.formats.nmea.mmsi_table import MmsiTable
 from coastwatch.geodesy import KNOT_M_S, SEMI_MAJOR_M
+from coastwatch.kernels.tables.lookup import find
 
 BEYOND = "first report of an MMSI beyond the budget of its sender, set aside until a second one agrees"
 
@@ -81,7 +82,7 @@ class NewVessels:
             new = np.flatnonzero(~is_used)
             _, first = np.unique(mmsi[new], return_index=True)
             granted = self._granted(new[np.sort(first)], feed, sender, now_s)
-            is_used |= _is_in(mmsi, np.sort(mmsi[granted]))
+            is_used |= find(np.sort(mmsi[granted]), mmsi) >= 0
             self._waiting.remove(mmsi[is_used & ~is_known])
             self._wait(mmsi[~is_used], np.column_stack([time_s, position_deg, feed])[~is_used], now_s)
         self._accepted.put(mmsi[is_used], time_s[is_used, None])
@@ -112,7 +113,7 @@ class NewVessels:
         near = np.flatnonzero((apart_s > 0.0) & (apart_s <= AGREES_WITHIN_S))
         apart_m = _distance_m(position_deg[rows[near]], waiting[near, 1:3])
         agrees = near[apart_m <= AGREES_M + AGREES_M_S * apart_s[near]]
-        return unknown & _is_in(mmsi, np.unique(mmsi[rows[agrees]]))
+        return unknown & (find(np.unique(mmsi[rows[agrees]]), mmsi) >= 0)
 
     def _wait(self, mmsi: Ints, report: Floats, now_s: float) -> None:
         """Keep the newest report of each MMSI that is not known, within bounds. Args: report: (M, 4), as waits, in order of time."""
@@ -127,14 +128,6 @@ class NewVessels:
         """How many MMSI of each feed wait for a second report, and how many went since the start as there was no room. (F,), (F,)"""
         waiting = self._waiting.column(3, now_s - AGREES_WITHIN_S).astype(np.int64)
         return np.bincount(waiting, minlength=feeds), np.pad(self._no_room, (0, max(feeds - len(self._no_room), 0)))
-
-
-def _is_in(values: Ints, ordered: Ints) -> Bools:
-    """Whether each value is among sorted ones. (M,)"""
-    if not len(ordered):
-        return np.zeros(len(values), np.bool_)
-    at = np.minimum(np.searchsorted(ordered, values), len(ordered) - 1)
-    return np.asarray(ordered[at] == values)
 
 
 def _distance_m(one_deg: Floats, other_deg: Floats) -> Floats:

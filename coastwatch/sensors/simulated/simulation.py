@@ -167,24 +167,11 @@ def truths_of(kind: str, names: Array, every: AnyTruth, named: Sequence[AnyTruth
     return tuple(by_name.get(name, every) for name in known)
 
 
-MOST_PAIRS = 1 << 20
-"""Pairs of a position and a side of a polygon that are looked at at once."""
-
-
 def inside(position_deg: Floats, corners_deg: Floats) -> Bools:
-    """Whether each position is inside a polygon (even-odd rule). Args: (V, 2), (C, 2); not across the antimeridian. Returns: (V,)."""
-    if len(position_deg) * len(corners_deg) > MOST_PAIRS:
-        return _inside_by_sides(position_deg, corners_deg)
-    lat, lon = position_deg[:, :1], position_deg[:, 1:]
-    lat_1, lon_1 = corners_deg.T
-    lat_2, lon_2 = np.roll(corners_deg, -1, axis=0).T
-    level = np.where(lat_2 == lat_1, 1.0, lat_2 - lat_1)
-    crosses = ((lat_1 > lat) != (lat_2 > lat)) & (lon < lon_1 + (lat - lat_1) / level * (lon_2 - lon_1))
-    return np.asarray(crosses.sum(axis=1) % 2 == 1)
+    """Whether each position is inside a polygon (even-odd rule). Args: (V, 2), (C, 2); not across the antimeridian. Returns: (V,).
 
-
-def _inside_by_sides(position_deg: Floats, corners_deg: Floats) -> Bools:
-    """As `inside`, by the same sums: each side takes only the positions between the latitudes of its ends."""
+    Each side takes only the positions between the latitudes of its ends.
+    """
     order = np.argsort(position_deg[:, 0])
     lat, lon = position_deg[order].T
     here, there = corners_deg, np.roll(corners_deg, -1, axis=0)
