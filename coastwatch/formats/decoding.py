@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from coastwatch.batches import Bools, Floats, Ints, RadarVideo, Reports, limits
+from coastwatch.batches import Bools, Floats, Ints, RadarVideo, Reports, TrackReports, limits
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
 from coastwatch.formats.video_state import VideoState
@@ -226,6 +226,22 @@ class Waiting:
         self._counts.records += int((~twice).sum())
         self._counts.repeated += int(twice.sum())
         return reports.take(order[~twice])
+
+
+def track_reports(
+    source: object, number: object, time_s: Floats, position_deg: Floats, velocity_m_s: Floats, covariance: Floats | None = None
+) -> TrackReports:
+    """States of tracks of one source. Args: source: its number, or (M,); number: (M,); covariance: (M, 4, 4); none: not given."""
+    n = len(time_s)
+    return TrackReports(
+        sensor=np.full(n, source, np.int64),
+        number=np.asarray(number, np.int64),
+        time_s=time_s,
+        received_s=time_s,
+        position_deg=position_deg.copy(),
+        velocity_m_s=velocity_m_s.copy(),
+        covariance=np.full((n, 4, 4), np.nan) if covariance is None else covariance,
+    )
 
 
 class Stamps:

@@ -11,7 +11,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, V
 
 from coastwatch.batches import BearingReports, Floats, RadarReports, Reports, Sensors, TrackReports
 from coastwatch.batches.limits import CONTACTS
-from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps, Waiting
+from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps, Waiting, track_reports
 from coastwatch.formats.format import Format
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S
@@ -149,15 +149,9 @@ class JsonDecoder:
 
     def _tracks(self, time_s: Any, number: Any, lines: Any) -> TrackReports:
         speed, course = _numbers(lines, "sog_kn") * KNOT_M_S, np.radians(_numbers(lines, "cog_deg"))
-        return TrackReports(
-            sensor=number,
-            number=np.array([line.number for line in lines], np.int64),
-            time_s=time_s,
-            received_s=time_s,
-            position_deg=np.stack([_numbers(lines, "latitude_deg"), _numbers(lines, "longitude_deg")], 1),
-            velocity_m_s=np.stack([speed * np.sin(course), speed * np.cos(course)], 1),
-            covariance=np.full((len(lines), 4, 4), np.nan),
-        )
+        position = np.stack([_numbers(lines, "latitude_deg"), _numbers(lines, "longitude_deg")], 1)
+        velocity = np.stack([speed * np.sin(course), speed * np.cos(course)], 1)
+        return track_reports(number, [line.number for line in lines], time_s, position, velocity)
 
 
 def _refusal(error: ValidationError) -> tuple[str, str]:

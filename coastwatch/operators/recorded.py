@@ -22,20 +22,15 @@ from coastwatch.scenario.refusing import refusals
 from coastwatch.scenario.sites import Radar, Sonar, Station
 from coastwatch.sensors.files import WireFile
 from coastwatch.sensors.recorded.files import has_sentences
-from coastwatch.sensors.recorded.tables.ais import AisColumns
-from coastwatch.sensors.recorded.tables.feed import BearingColumns, PlotColumns, Tables
-from coastwatch.sensors.recorded.tables.tracks import TrackColumns
+from coastwatch.sensors.recorded.tables.feed import Tables
+from coastwatch.sensors.recorded.tables.rows import SETTING
 from coastwatch.sensors.recorded.video.haxr import HaxrFile
 from coastwatch.sensors.recorded.video.pictures import Pictures
 from coastwatch.spelling import did_you_mean
 
-COLUMNS: dict[str, type[BaseModel]] = {
-    "ais": AisColumns,
-    "plots": PlotColumns,
-    "bearings": BearingColumns,
-    "tracks": TrackColumns,
-}
-SETTING = {"ais": "ais_columns", "plots": "plot_columns", "bearings": "bearing_columns", "tracks": "track_columns"}
+COLUMNS = {part: type(Tables.model_fields[setting].default) for part, setting in SETTING.items()}
+"""Settings of the names of columns, by kind of table."""
+
 MARGIN = 1.1
 SMALLEST_NM = 1.0
 HIGHEST_LATITUDE_DEG = 84.0

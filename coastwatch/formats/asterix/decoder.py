@@ -18,11 +18,12 @@ import numpy as np
 
 from coastwatch.batches import Floats, RadarReports, Radars, Reports, Sensors
 from coastwatch.errors import AddressError, InputError
-from coastwatch.formats.asterix.system_tracks import DAY_S, SystemTracks, time_of_day_s
+from coastwatch.formats.asterix.system_tracks import SystemTracks, time_of_day_s
 from coastwatch.formats.asterix.tracks import Track, quantity_of, reports_of, track_of, uint_of
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps, Waiting
 from coastwatch.formats.format import NAMED_BY_CODES, Format
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
+from coastwatch.formats.intake.timestamps import nearest_s
 from coastwatch.geodesy import NAUTICAL_MILE_M
 
 DAMAGED = "damaged datagram"
@@ -241,11 +242,6 @@ def _radar_reports(table: Floats, radars: Radars) -> RadarReports:
         azimuth_deg=table[:, 3].copy(),
         site_deg=radars.site_deg[sensor],
     )
-
-
-def nearest_s(of_day_s: float, about_s: float) -> float:
-    """The instant nearest to another one at this time of day, UTC. Its last bits do not depend on the other one."""
-    return round((about_s - of_day_s) / DAY_S) * DAY_S + of_day_s
 
 
 def datagrams(reports: RadarReports, most_plots: int = 40) -> Iterator[bytes]:

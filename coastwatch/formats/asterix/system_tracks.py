@@ -10,10 +10,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from coastwatch.formats.format import OutSettings, Vessels
+from coastwatch.formats.intake.timestamps import DAY_S
 from coastwatch.formats.target_numbers import TargetNumbers
 from coastwatch.geodesy import KNOT_M_S
 
-DAY_S, STEPS = 86_400.0, 128  # of a second
+STEPS = 128  # of a second
 SAC, SIC = 25, 1  # of this system
 NUMBERS = 1 << 16  # that item 040 has room for
 LARGEST_SIGMA_M = 16_383.0  # for which item 500 has room, with the sign of a covariance

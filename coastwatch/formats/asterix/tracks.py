@@ -12,8 +12,8 @@ import numpy as np
 
 from coastwatch.batches import Floats, TrackReports
 from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
+from coastwatch.formats.decoding import track_reports
 from coastwatch.formats.intake.faults import SET_ASIDE
-from coastwatch.formats.nmea.targets import track_reports
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
 
 NO_NUMBER = "track without number or position"

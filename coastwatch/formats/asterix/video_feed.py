@@ -13,13 +13,13 @@ from coastwatch.batches import RadarVideo, Reports, Sensors, Videos
 from coastwatch.batches.limits import MOST_RANGE_M
 from coastwatch.errors import AddressError, InputError
 from coastwatch.formats.asterix.beam_time import FULL_TURN
-from coastwatch.formats.asterix.decoder import SAC, Origin, block_length, date_of, nearest_s, origins_of
+from coastwatch.formats.asterix.decoder import SAC, Origin, block_length, date_of, origins_of
 from coastwatch.formats.asterix.spokes import HALF_LIGHT_M_FS, SpokeJoiner
-from coastwatch.formats.asterix.system_tracks import DAY_S
 from coastwatch.formats.asterix.video import MOST_CELLS, VideoMessage, VideoText, decode, encode
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps
 from coastwatch.formats.format import NAMED_BY_CODES, Format
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
+from coastwatch.formats.intake.timestamps import DAY_S, nearest_s
 from coastwatch.formats.video_state import VideoState
 
 DAMAGED = "damaged video: "

@@ -16,6 +16,14 @@ GROUP = re.compile(rb"(\d+)G(\d+):(\d+)")
 USUAL_TAG = re.compile(rb"(?:g:\d+-\d+-(\d+),)?s:([^,:*]*),c:(\d{9,10})\*([0-9A-Fa-f]{2})")
 
 
+DAY_S = 86_400.0
+
+
+def nearest_s(of_day_s: float, about_s: float) -> float:
+    """The instant nearest to another one at this time of day, UTC. Its last bits do not depend on the other one."""
+    return round((about_s - of_day_s) / DAY_S) * DAY_S + of_day_s
+
+
 def unix_s(number: float) -> float:
     """Seconds, from a Unix time in seconds, milliseconds, microseconds or nanoseconds."""
     for limit, divisor in ((NANOSECONDS_FROM, 1e9), (MICROSECONDS_FROM, 1e6), (MILLISECONDS_FROM, 1e3)):

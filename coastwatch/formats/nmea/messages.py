@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,10 +26,6 @@ MOST_SLOTS = 4096  # kinds of messages of several parts whose station is remembe
 HEX = np.array([int(chr(c), 16) if chr(c) in "0123456789abcdefABCDEF" else 256 for c in range(256)])
 
 
-COLUMNS = (np.int64, np.float64, np.bool_, bytes, np.int64, bytes, np.bool_, np.int64)
-"""Types of the columns of Messages; those of bytes are lists."""
-
-
 class Messages(NamedTuple):
     """Whole messages, in the order in which they were complete."""
 
@@ -47,8 +43,9 @@ def messages_where(messages: Messages, keep: Bools) -> Messages:
     """The messages where a mask is true. Args: keep: (M,)."""
     if keep.all():
         return messages
-    rows = np.flatnonzero(keep).tolist()
-    return Messages._make([c[row] for row in rows] if isinstance(c, list) else c[rows] for c in messages)
+    rows = np.flatnonzero(keep)
+    some = rows.tolist()
+    return Messages._make([c[row] for row in some] if isinstance(c, list) else c[rows] for c in messages)
 
 
 class _Sentence(NamedTuple):
@@ -88,7 +85,14 @@ class Assembler:
 
         Args: last: the file ends here, so open messages stay without their other parts.
         """
-        rows: list[tuple[Any, ...]] = []  # of Messages
+        line: list[int] = []
+        stamp: list[float] = []
+        own: list[bool] = []
+        payload: list[bytes] = []
+        bits: list[int] = []
+        raws: list[bytes] = []
+        by_clock: list[bool] = []
+        count: list[int] = []
         for received, right in zip(sentences, checksums_are_right([s.sentence for s in sentences]).tolist(), strict=True):
             raw = received.sentence
             sentence = _parsed(raw)
@@ -106,13 +110,24 @@ class Assembler:
                 where, own_s, clock_s = joined[:3]
                 text, fill_bits = b"".join(part.payload for part, _ in parts), parts[-1][0].fill_bits
                 raw = b"\n".join(whole for _, whole in parts)
-            by_clock = math.isnan(own_s)
-            stamp_s, bits = clock_s if by_clock else own_s, 6 * len(text) - fill_bits
-            rows.append((where, stamp_s, raw[3:6] == b"VDO", text, bits, raw, by_clock, sentence.parts))
+            line.append(where)
+            stamp.append(clock_s if math.isnan(own_s) else own_s)
+            own.append(raw[3:6] == b"VDO")
+            payload.append(text)
+            bits.append(6 * len(text) - fill_bits)
+            raws.append(raw)
+            by_clock.append(math.isnan(own_s))
+            count.append(sentence.parts)
         self._expire(math.inf if last else sentences[-1].line if sentences else -math.inf)
-        columns = zip(*rows, strict=True) if rows else [()] * len(COLUMNS)
-        return Messages._make(
-            list(column) if dtype is bytes else np.array(column, dtype) for column, dtype in zip(columns, COLUMNS, strict=True)
+        return Messages(
+            np.array(line, np.int64),
+            np.array(stamp, np.float64),
+            np.array(own, np.bool_),
+            payload,
+            np.array(bits, np.int64),
+            raws,
+            np.array(by_clock, np.bool_),
+            np.array(count, np.int64),
         )
 
     def _refuse(self, received: ReceivedSentence, sentence: _Sentence | None, right: bool) -> None:

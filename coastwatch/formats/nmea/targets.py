@@ -10,14 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import Floats, Sensors, TrackReports, TrackSources
+from coastwatch.batches import Floats, Sensors, TrackSources
 from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
 from coastwatch.errors import AddressError
-from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps, Waiting
+from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps, Waiting, track_reports
 from coastwatch.formats.format import Format, OutSettings, Vessels, rounded_deg
 from coastwatch.formats.intake.ais_validation import LATITUDE, LONGITUDE
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
+from coastwatch.formats.intake.timestamps import nearest_s
 from coastwatch.formats.nmea.messages import UNDECODABLE
 from coastwatch.formats.nmea.sentence_feed import SentenceFeed, has_numbers, made_sentence, parsed_sentence
 from coastwatch.formats.nmea.sentences import OF_OWN_SHIP
@@ -35,7 +36,6 @@ METRES = {"N": NAUTICAL_MILE_M, "K": 1000.0, "S": 1609.344}
 METRES_PER_SECOND = {"N": KNOT_M_S, "K": 1.0 / 3.6, "S": 1609.344 / 3600.0}
 NUMBERS = 1000  # of targets that are sent
 OLDEST_S = 30.0  # position or heading of own ship
-DAY_S = 86_400.0
 
 State = tuple[int, float, float, float, float, float, float]
 """Number, time of the state, of reception, latitude, longitude, velocity to the east and to the north."""
@@ -171,7 +171,7 @@ def time_of_day_s(of_day: Any, clock_s: float) -> float:
     if not hasattr(of_day, "hour"):
         return clock_s
     second: float = 3600 * of_day.hour + 60 * of_day.minute + of_day.second + 1e-6 * of_day.microsecond
-    return clock_s + (second - clock_s + 0.5 * DAY_S) % DAY_S - 0.5 * DAY_S
+    return nearest_s(second, clock_s)
 
 
 class TargetDecoder:
@@ -236,22 +236,6 @@ def site_of(feed: FeedSettings) -> Floats | None:
     if not (abs(latitude) < 85.0 and abs(longitude) <= 180.0):
         raise AddressError(f"feed: got site={text} in {feed.text!r}, needed LAT,LON in degrees, e.g. site=50.795,-1.105")
     return np.array([latitude, longitude])
-
-
-def track_reports(
-    source: int, number: object, time_s: Floats, position_deg: Floats, velocity_m_s: Floats, covariance: Floats | None = None
-) -> TrackReports:
-    """States of tracks of one source. Args: number: (M,) int64; covariance: (M, 4, 4); none: not given."""
-    n = len(time_s)
-    return TrackReports(
-        sensor=np.full(n, source, np.int64),
-        number=np.asarray(number, np.int64),
-        time_s=time_s,
-        received_s=time_s,
-        position_deg=position_deg.copy(),
-        velocity_m_s=velocity_m_s.copy(),
-        covariance=np.full((n, 4, 4), np.nan) if covariance is None else covariance,
-    )
 
 
 class TargetEncoder:

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import AisReports, AisStatics, Array, Bools, Floats, Ints, NavStatus, Stations
 from coastwatch.errors import InputError
-from coastwatch.geodesy import KNOT_M_S, offset_deg, to_plane
+from coastwatch.geodesy import KNOT_M_S, offset_deg, within_any
 from coastwatch.sensors.simulated.trajectories import chosen
 from coastwatch.stage import CountOrZero, NotNegative, Positive, Settings, Share
 
@@ -199,11 +199,9 @@ def _before_the_echo(sigma_m: float, velocity_m_s: Floats, who: Ints, count: int
 
 def within(stations: Stations, position_deg: Floats) -> Bools:
     """Whether a position is in range of a station; true everywhere if there are none. Args: position_deg: (M, 2). Returns: (M,)."""
-    out = np.full(len(position_deg), len(stations) == 0)
-    for site, reach in zip(stations.site_deg, stations.range_m, strict=True):
-        at = to_plane(position_deg, site)
-        out |= np.hypot(at[:, 0], at[:, 1]) <= reach
-    return out
+    if not len(stations):
+        return np.ones(len(position_deg), np.bool_)
+    return within_any(position_deg, stations.site_deg, stations.range_m)
 
 
 def _on_the_wire(truth: AisTruth, position: Floats, velocity: Floats, missing: Bools) -> tuple[Floats, Floats, Floats]:

@@ -17,6 +17,7 @@ from typing import Protocol
 from coastwatch.batches import Reports, Sensors
 from coastwatch.errors import AddressError, InputError
 from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.intake.timestamps import nearest_s
 from coastwatch.formats.registry import FORMATS
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.captures import is_capture
@@ -171,8 +172,7 @@ def _of_blocks(path: Path, name: str) -> Iterator[Batch]:
     for _, block, _ in items_of(WireFile(str(path), name, path), Tally()):
         of_day_s = next((stamp_s for _, stamp_s in stamps([block])), math.nan)
         if math.isfinite(of_day_s):
-            days = round((time_s - of_day_s) / 86_400.0) if math.isfinite(time_s) else 0
-            time_s = of_day_s + 86_400.0 * days
+            time_s = nearest_s(of_day_s, time_s) if math.isfinite(time_s) else of_day_s
         first.append(block)
         if math.isfinite(time_s):
             yield time_s, partial(_constant, [name], first)

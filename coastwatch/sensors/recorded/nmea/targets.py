@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from pynmeagps import NMEAReader
 
 from coastwatch.batches import FileContent, Floats, TrackReports, TrackSources
+from coastwatch.formats.decoding import track_reports
 from coastwatch.formats.intake.ais_validation import AisIntake
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import LATE, TIME_MISSING, reception_times
@@ -46,15 +48,8 @@ def target_reports(
     span = (float(table[:, 1].min()), float(table[:, 1].max())) if len(table) else (math.nan, math.nan)
     beside = tuple(ledger.beside.items())
     tally.add_file(FileContent(path.name, "track states", len(table), *span, read=ledger.read, beside=beside))
-    return TrackReports(
-        sensor=np.full(len(table), source, np.int64),
-        number=table[:, 0].astype(np.int64),
-        time_s=table[:, 1].copy(),
-        received_s=received_s,
-        position_deg=table[:, 3:5].copy(),
-        velocity_m_s=table[:, 5:7].copy(),
-        covariance=np.full((len(table), 4, 4), np.nan),
-    )
+    reports = track_reports(source, table[:, 0], table[:, 1].copy(), table[:, 3:5], table[:, 5:7])
+    return replace(reports, received_s=received_s)
 
 
 def target_times(path: Path, assumed_s: float, intake: AisIntake, tally: Tally) -> Floats:

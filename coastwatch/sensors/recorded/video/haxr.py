@@ -14,8 +14,8 @@ import numpy as np
 
 from coastwatch.batches import Array, FileContent, Floats, Radars, RadarVideo
 from coastwatch.errors import InputError
-from coastwatch.formats.asterix.decoder import nearest_s
 from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.intake.timestamps import nearest_s
 from coastwatch.sensors.recorded.files import existing_path
 from coastwatch.sensors.recorded.video.pictures import radar_number
 from coastwatch.stage import Settings
