@@ -19,8 +19,7 @@ from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.operators.output_file import written
 from coastwatch.plots import ExtractionInput, HeadingMemory, true_azimuths
 from coastwatch.scenario import Scenario
-from coastwatch.sensors import SimulatedVideo, VideoFiles
-from coastwatch.sensors.recorded.tables.feed import Tables
+from coastwatch.sensors import has_video
 from coastwatch.server.live_video import COARSE_BITS, FIRST_DB, SHADES, STEP_DB, shades_of
 from coastwatch.spelling import did_you_mean, printable, utc_text
 
@@ -60,8 +59,7 @@ def load(scenario: Scenario, radar: str, at_s: float | None, number: int | None)
     neither: `USUAL_TURN`.
     Raises: InputError: no such radar or turn, no video; OSError: a file cannot be read.
     """
-    given = scenario.input
-    if not (isinstance(given, SimulatedVideo | VideoFiles) or (isinstance(given, Tables) and given.has_video())):
+    if not has_video(scenario.input):
         raise InputError(
             f"plot --video: scenario {scenario.name} has input.method = {scenario.input.method!r} and no radar video, needed "
             "'simulated_video', 'video_files', or 'tables' with a feed video+file:PATH, pictures or haxr"

@@ -33,6 +33,12 @@ Feed = Annotated[
 SIMULATIONS = (Simulated, Crossing, StartStates, SimulatedVideo)
 """Feeds without a time of their own: they may begin now."""
 
+
+def has_video(feed: Feed) -> bool:
+    """Whether there may be radar video in the reports of a feed."""
+    return isinstance(feed, SimulatedVideo | VideoFiles) or (isinstance(feed, Tables) and feed.has_video())
+
+
 __all__ = [
     "NO_INPUT",
     "SIMULATIONS",
@@ -48,4 +54,5 @@ __all__ = [
     "StartStates",
     "Tables",
     "VideoFiles",
+    "has_video",
 ]

@@ -15,7 +15,7 @@ from coastwatch.batches import Floats, Reports, Sensors
 from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import offset_deg
 from coastwatch.scenario import Scenario
-from coastwatch.sensors import VideoFiles
+from coastwatch.sensors import has_video
 from coastwatch.sensors.simulated.ais import AisTruth
 from coastwatch.sensors.simulated.simulation import Simulated
 from coastwatch.sensors.simulated.video import SimulatedVideo
@@ -54,7 +54,7 @@ def warm_up(
     sensors = replace(sensors, radars=replace(sensors.radars, azimuth_reference=np.zeros(len(sensors.radars), np.int64)))
     reports, memory, before_s = sea.load(sensors, 0, plan).reports, start_run(scenario, sensors), -np.inf
     of_video = scenario.input if isinstance(scenario.input, SimulatedVideo) else None
-    if of_video is None and len(sensors.radars) and (video or isinstance(scenario.input, VideoFiles)):
+    if of_video is None and len(sensors.radars) and (video or has_video(scenario.input)):
         of_video = SimulatedVideo(cells=VIDEO_CELLS)
     if of_video is not None:  # land takes seconds, and no kernel
         of_video = of_video.model_copy(update={"land_deg": ()})

@@ -21,6 +21,7 @@ from coastwatch.kernels.filters import ais_tracker
 from coastwatch.kernels.geometry import radar_plane
 from coastwatch.plots import CfarExtraction, ExtractionInput, ExtractionMemory
 from coastwatch.scenario import load_scenario
+from coastwatch.sensors import Tables
 from coastwatch.sensors.simulated import video as simulated_video
 from coastwatch.server.warm_up import _places, _with_spots, warm_up
 from coastwatch.workers import open_workers
@@ -91,9 +92,11 @@ def test_the_kernels_that_take_longest_are_loaded() -> None:
         assert kernel.signatures, kernel.__name__
 
 
-@pytest.mark.parametrize("video", [False, True])
-def test_kernels_of_video_are_loaded_where_a_feed_has_some(video: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("by", ["", "live feed", "fuse --video"])
+def test_kernels_of_video_are_loaded_where_a_feed_has_some(by: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = load_scenario("context-driven-100")
+    if by == "fuse --video":
+        scenario = scenario.model_copy(update={"input": Tables(feeds=("video+file:turns.pcap",))})
     spokes: list[int] = []
     step = CfarExtraction.step
 
@@ -102,8 +105,8 @@ def test_kernels_of_video_are_loaded_where_a_feed_has_some(video: bool, monkeypa
         return step(self, memory, given)
 
     monkeypatch.setattr(CfarExtraction, "step", looked)
-    warm_up(scenario, scenario.sensors(), lambda text: None, video=video)
-    assert (sum(spokes) > 1024) == video
+    warm_up(scenario, scenario.sensors(), lambda text: None, video=by == "live feed")
+    assert (sum(spokes) > 1024) == bool(by)
 
 
 def test_no_land_is_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
