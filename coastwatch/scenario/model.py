@@ -39,7 +39,7 @@ from coastwatch.scenario.sites import (
     refuse_shared_names,
     sensors_of,
 )
-from coastwatch.sensors import SIMULATIONS, Feed, LiveFeeds, Tables, VideoFiles
+from coastwatch.sensors import SIMULATIONS, Feed, LiveFeeds, Tables
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
 from coastwatch.stage import Count, CountOrZero, Method, NotNegative, Plan, Positive, Settings
@@ -290,15 +290,9 @@ class Scenario(Settings):
         feed = self.input
         if isinstance(feed, SIMULATIONS):
             raise InputError(f"start_utc, cycles: got none or 0, needed both where input.method is {feed.method}")
-        if isinstance(feed, Tables):
-            after_s = -math.inf if self.start_utc is None else self.start_utc.timestamp()
-            sensors = self.sensors() if feed.names_sensors() else None
-            first_s, stop_s = feed.span(sensors, after_s=after_s, to_the_end=not self.cycles)
-        elif isinstance(feed, VideoFiles):
-            first_s, stop_s = feed.span(self.sensors())
-        else:
-            first_s, stop_s = feed.span()
-        start_s = float(np.floor(first_s)) - 1.0 if self.start_utc is None else self.start_utc.timestamp()
+        after_s = -math.inf if self.start_utc is None else self.start_utc.timestamp()
+        first_s, stop_s = feed.span(self.sensors, after_s, to_the_end=not self.cycles)
+        start_s = float(np.floor(first_s)) - 1.0 if self.start_utc is None else after_s
         cycles = self.warmup_cycles + self.cycles if self.cycles else max(int(np.ceil((stop_s - start_s) / self.period_s)), 0)
         return Plan(start_s=start_s, period_s=self.period_s, cycles=cycles)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal, NoReturn
 
 from coastwatch.batches import Sensors
@@ -20,6 +21,6 @@ class LiveFeeds(Method):
         """There is no report to load. Raises: InputError."""
         raise InputError(NO_INPUT)
 
-    def span(self) -> NoReturn:
+    def span(self, sensors: Callable[[], Sensors], after_s: float, to_the_end: bool) -> NoReturn:
         """It has no end. Raises: InputError."""
         raise InputError(NO_INPUT)

@@ -26,7 +26,7 @@ import sys
 from pathlib import Path
 from coastwatch.sensors.recorded.nmea.feed import Nmea
 feed = Nmea(files=(Path(sys.argv[1]),))
-(now_s, stop_s), stream = feed.span(), feed.stream()
+(now_s, stop_s), stream = feed.span(lambda: None, float("-inf"), False), feed.stream()
 while now_s < stop_s:
     stream.between(now_s, now_s + 10.0)
     now_s += 10.0

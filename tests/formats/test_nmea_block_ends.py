@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nmea_sentences import T0, sentence, tagged, wire
+from spans import span_of
 
 from coastwatch.batches import FileContent
 from coastwatch.formats.intake.faults import Tally
@@ -44,7 +45,7 @@ def test_a_file_that_ends_near_the_end_of_a_block_is_used_to_its_last_line(
         text = "\r\n".join([*lines, ""]).encode()
         path.write_bytes(gzip.compress(text) if packed else text)
         feed = Nmea(files=(path,))
-        assert feed.span() == (T0 - 1.0, T0 + count - 1.0)
+        assert span_of(feed) == (T0 - 1.0, T0 + count - 1.0)
         stream = feed.stream()
         reports = stream.between(-np.inf, np.inf)
         content: FileContent = stream.contents()[0]
@@ -57,7 +58,7 @@ def test_a_file_between_one_and_two_blocks_of_their_true_size_is_used_to_its_las
     count = nmea.BLOCK + 5_000
     path = tmp_path / "feed.nmea"
     path.write_text("\r\n".join(tagged(f"c:{T0 + k // 10:.0f}", SAID[k % 120]) for k in range(count)) + "\r\n")
-    assert Nmea(files=(path,)).span() == (T0 - 1.0, T0 + (count - 1) // 10)
+    assert span_of(Nmea(files=(path,))) == (T0 - 1.0, T0 + (count - 1) // 10)
 
 
 def test_parts_without_end_are_dropped_and_counted_as_lone() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from nmea_sentences import ASSUMED, T0, checked, read, read_all, sentence, tagged, wire, write
+from spans import span_of
 
 from coastwatch.batches import Radars, Sensors, Sonars, Stations
 from coastwatch.formats.decoding import Item
@@ -142,17 +143,17 @@ def test_a_file_without_a_usable_record_says_what_was_refused(tmp_path: Path) ->
     with pytest.raises(
         ValueError, match=r"feed\.nmea: got no sentence of NMEA 0183, needed VDM or VDO; a table of AIS goes to"
     ):
-        Nmea(files=(write(tmp_path, ["time,mmsi"]),)).span()
+        span_of(Nmea(files=(write(tmp_path, ["time,mmsi"]),)))
     with pytest.raises(ValueError, match=r"1 half a line \(first at feed\.nmea:1\)"):
-        Nmea(files=(write(tmp_path, ["!AIVDM,1,1,,A,33P;Tw0"]),)).span()
+        span_of(Nmea(files=(write(tmp_path, ["!AIVDM,1,1,,A,33P;Tw0"]),)))
     target = "$RATTM,01,0.25,190.8,T,12.1,109.7,T,0.1,0.5,N,TGT01,T,,100021.00,A"
     lines = [target, target, target[:30], "$RAHDT,12.0,T", sentence()[0].partition("*")[0]]
     with pytest.raises(
         ValueError, match=r"2 without checksum \(first at feed\.nmea:1\); 1 half a line \(first at feed\.nmea:3\)"
     ):
-        Tables(track_sentences=(write(tmp_path, lines),)).span()
+        span_of(Tables(track_sentences=(write(tmp_path, lines),)))
     with pytest.raises(ValueError, match=r"1 without checksum \(first at feed\.nmea:5\)"):
-        Nmea(files=(write(tmp_path, lines),)).span()
+        span_of(Nmea(files=(write(tmp_path, lines),)))
 
 
 def test_two_files_are_merged_in_order_of_arrival_and_cut_by_cycle(tmp_path: Path) -> None:
@@ -162,7 +163,7 @@ def test_two_files_are_merged_in_order_of_arrival_and_cut_by_cycle(tmp_path: Pat
         file.write_text("\n".join(f"{T0 + 2 * i + k:.0f} {sentence(mmsi=257000001 + k, lat=10.0 + i)[0]}" for i in range(5)))
         files.append(file)
     feed = Nmea(files=tuple(files))
-    start_s, stop_s = feed.span()
+    start_s, stop_s = span_of(feed)
     assert (start_s, stop_s) == (T0 - 1.0, T0 + 9.0)
     recording = feed.load(no_sensors(), 1, Plan(start_s=start_s, period_s=2.0, cycles=5))
     cut = [recording.reports.between(start_s + 2 * c, start_s + 2 * c + 2) for c in range(5)]
@@ -226,10 +227,10 @@ def test_the_span_of_a_long_file_is_read_at_both_ends(tmp_path: Path, monkeypatc
     monkeypatch.setattr(nmea, "BLOCK", 20)
     monkeypatch.setattr(nmea, "TAIL_BYTES", 2000)
     for file in (write(tmp_path, lines), packed):
-        assert Nmea(files=(file,)).span() == (T0 - 1.0, T0 + 499.0)
+        assert span_of(Nmea(files=(file,))) == (T0 - 1.0, T0 + 499.0)
     bare = write(tmp_path, [line.split(" ")[1] for line in lines])
     feed = Nmea(files=(bare,), assume_start_utc=ASSUMED, assume_interval_s=2.0)
-    start_s, stop_s = feed.span()
+    start_s, stop_s = span_of(feed)
     assert stop_s - start_s == 999.0
 
 

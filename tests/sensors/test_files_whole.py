@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nmea_sentences import T0, checked, sentence, tagged, wire
+from spans import span_of
 
 from coastwatch.batches import Radars, Recording, Sensors, Sonars, Stations, TrackSources
 from coastwatch.formats.intake.accounts import UNACCOUNTED, UNUSED, accounts, losses
@@ -233,7 +234,7 @@ def test_every_fix_of_the_solent_is_a_report_truth_or_counted_once(rows: int, tm
         ]
     (tmp_path / FILE).write_bytes(gzip.compress("\n".join([*lines, "x", "1,2"]).encode()))
     feed = Solent(root=tmp_path, silence_mmsi=(235000002,), silence_from_s=5.0)
-    made = feed.load(sensors(), 1, Plan(start_s=feed.span()[0], period_s=3.0, cycles=4))
+    made = feed.load(sensors(), 1, Plan(start_s=span_of(feed)[0], period_s=3.0, cycles=4))
     balance(made.contents, made.faults)
     (content,) = made.contents
     assert content.records == len(made.whole().ais)

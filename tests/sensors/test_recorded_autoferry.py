@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from spans import span_of
 
 from coastwatch.batches import Radars, Sensors, Sonars, Stations
 from coastwatch.errors import InputError
@@ -115,16 +116,16 @@ def test_truth_is_interpolated_inside_its_span_only(tmp_path: Path) -> None:
 
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="nowhere"):
-        Autoferry(scenario=2, root=tmp_path / "nowhere").span()
+        span_of(Autoferry(scenario=2, root=tmp_path / "nowhere"))
     with pytest.raises(FileNotFoundError, match="scenario99"):
-        Autoferry(scenario=99, root=tmp_path).span()
+        span_of(Autoferry(scenario=99, root=tmp_path))
 
 
 def test_a_file_that_is_no_json_is_named(tmp_path: Path) -> None:
     root = folder(tmp_path, [])
     (root / "scenario1" / "scenario1_detections.json.gz").write_bytes(b"{half a li")
     with pytest.raises(InputError, match=r"scenario1_detections\.json\.gz"):
-        Autoferry(scenario=1, root=root).span()
+        span_of(Autoferry(scenario=1, root=root))
 
 
 @pytest.mark.parametrize("number", SCENARIOS)
@@ -133,7 +134,7 @@ def test_recordings_are_causal_and_near_the_truth(number: int) -> None:
         pytest.skip(f"{DATA} is not on this machine")
     items = json.loads(gzip.decompress((DATA / f"scenario{number}" / f"scenario{number}_detections.json.gz").read_bytes()))
     feed = Autoferry(scenario=number, radar_time_lag_s=1.5)
-    start_s, stop_s = feed.span()
+    start_s, stop_s = span_of(feed)
     recording = feed.load(sensors(), 1, Plan(start_s=start_s, period_s=1.0, cycles=round(stop_s - start_s)))
     radar, truth = recording.reports.radar, recording.truth
     assert truth is not None

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from spans import span_of
 
 from coastwatch.batches import Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, difference_m, to_plane
@@ -125,9 +126,9 @@ def test_berthed_vessels_have_a_truth_only_where_asked() -> None:
 
 
 def test_the_span_is_that_of_the_recording() -> None:
-    assert Solent().span() == (START_S, 1452608802.0)
+    assert span_of(Solent()) == (START_S, 1452608802.0)
 
 
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="nowhere"):
-        Solent(root=tmp_path / "nowhere").span()
+        span_of(Solent(root=tmp_path / "nowhere"))

@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 import pytest
 from pydantic import TypeAdapter, ValidationError
+from spans import span_of
 
 from coastwatch.batches import Fault, Radars, Sensors, Sonars, Stations, TrackSources
 from coastwatch.errors import InputError
@@ -319,7 +320,7 @@ def test_a_file_that_is_no_table_is_refused(tmp_path: Path, content: bytes, mess
     file = tmp_path / "plots.csv"
     file.write_bytes(content)
     with pytest.raises((OSError, ValueError), match=message):
-        Tables(plots=(file,)).span()
+        span_of(Tables(plots=(file,)))
 
 
 def test_plots_polar_and_geodetic_are_the_same_place(tmp_path: Path) -> None:
@@ -424,7 +425,7 @@ def test_all_kinds_of_files_make_one_recording(tmp_path: Path) -> None:
     plots.write_text(f"time,radar,range_m,azimuth_deg\n{T0 + 2},north,1000,10\n")
     wire.write_text("1452603734 !AIVDM,1,1,,B,14pWHb?P03rwO<F:RQOnROw<25bd,0*3E\n")
     feed = Tables(plots=(plots,), ais=(table(tmp_path, row(1)),), nmea=(wire,))
-    assert feed.span() == (T0, T0 + 3.0)
+    assert span_of(feed) == (T0, T0 + 3.0)
     recording = feed.load(sensors(), 1, PLAN)
     taken = recording.reports.between(T0, T0 + 3.0)
     assert len(taken) == 3

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from matplotlib import image
 from PIL import Image
+from spans import span_of
 from video_world import CELLS, PERIOD_S, SPOKES, START_S, arrivals, captured, messages, sensors
 
 from coastwatch.batches import RadarVideo, Sensors
@@ -127,7 +128,7 @@ def test_a_file_of_blocks_in_parts_of_time_gives_each_spoke_once(tmp_path):
     parts = [part for a, b in pairwise(edges) for part in again.between(a, b).video.parts]
     assert np.array_equal(np.concatenate([part.time_s for part in parts]), wanted.time_s[: sum(map(len, parts))])
     assert sum(map(len, parts)) >= 4 * SPOKES - 1
-    assert feed.span(sensors()) == pytest.approx((START_S, START_S + 4 * PERIOD_S), abs=1.1)
+    assert span_of(feed, sensors()) == pytest.approx((START_S, START_S + 4 * PERIOD_S), abs=1.1)
     with pytest.raises(InputError, match="needed the day of its first report"):
         stream(files=(str(path),))
     with pytest.raises(ValueError, match=r"needed video\+file:PATH"):

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from spans import span_of
 from video_world import START_S, sensors
 
 from coastwatch.errors import InputError
@@ -72,7 +73,7 @@ def test_a_file_is_read_as_it_was_written_wherever_it_is_cut(block, most, tmp_pa
     assert {(part.sensor, part.cell_m) for part in parts} == {(1, CELL_M)}
     assert found.faults() == ()
     assert found.contents()[0].records == SPOKES
-    assert feed.span(sensors()) == (START_S - 2.0, START_S + 2.0)
+    assert span_of(feed, sensors()) == (START_S - 2.0, START_S + 2.0)
 
 
 def test_cells_that_cannot_be_used_are_counted(tmp_path):

@@ -6,7 +6,7 @@ import gzip
 import json
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -80,7 +80,7 @@ class Autoferry(Method):
         reports, true = Reports(radar=radar, bearing=bearing), _trajectories(truth, plan.instants_s)
         return Recording(reports, true, faults, contents=(content,))
 
-    def span(self) -> tuple[float, float]:
+    def span(self, sensors: Callable[[], Sensors], after_s: float, to_the_end: bool) -> tuple[float, float]:
         """Whole seconds before the first and after the last arrival."""
         frames, _, faults = self._recorded()
         return span_of(frames.received_s, faults=faults)

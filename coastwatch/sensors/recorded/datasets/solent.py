@@ -6,6 +6,7 @@ So AIS is never scored against itself.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -92,7 +93,7 @@ class Solent(Method):
         reports = Reports(radar, ais.take(~dark))
         return Recording(reports, truth, faults, tuple(silenced.tolist()), contents=(content,))
 
-    def span(self) -> tuple[float, float]:
+    def span(self, sensors: Callable[[], Sensors], after_s: float, to_the_end: bool) -> tuple[float, float]:
         """Whole seconds before the first and after the last report."""
         fixes, _, faults = self._recorded()
         return span_of(fixes.ais.received_s, faults=faults)

@@ -7,7 +7,7 @@ import math
 import sys
 import zlib
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
@@ -55,7 +55,7 @@ class Nmea(Method):
         """
         return Recording(self.stream(), feeds=tuple(path.name for path in self.files))
 
-    def span(self) -> tuple[float, float]:
+    def span(self, sensors: Callable[[], Sensors], after_s: float, to_the_end: bool) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception. A long file is read at its start and end only.
 
         Raises: InputError if no record is usable.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -123,7 +124,7 @@ class AisTable(Method):
         feeds = tuple(path.name for path in self.files)
         return Recording(Reports(ais=reports, statics=statics), faults=faults, contents=self.contents(), feeds=feeds)
 
-    def span(self) -> tuple[float, float]:
+    def span(self, sensors: Callable[[], Sensors], after_s: float, to_the_end: bool) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.
 
         Raises: InputError if no record is usable.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal, Self
 
@@ -164,12 +165,10 @@ class Tables(Method):
         streams += [self._video_stream(sensors)] if self.names_sensors() else []
         return Recording(MergedStream(reports, streams) if streams else reports, faults=faults, contents=contents, feeds=feeds)
 
-    def span(
-        self, sensors: Sensors | None = None, *, after_s: float = -math.inf, to_the_end: bool = False
-    ) -> tuple[float, float]:
+    def span(self, sensors: Callable[[], Sensors], after_s: float, to_the_end: bool) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.
 
-        Args: sensors: which `feeds` name; after_s: where the run begins, if that is set; to_the_end: it goes to the last report.
+        Args: sensors: asked if files name some; after_s: where the run begins, if that is set; to_the_end: it goes to the last report.
         Raises: InputError if no record is usable, or files are so far apart that a run to the end would be long and mostly empty.
         """
         tally = Tally()
@@ -197,7 +196,7 @@ class Tables(Method):
             received += [FileTimes(path.name, times, is_stream=True) for path, times in of_files]
             faults = ends.faults + faults
         if self.names_sensors():
-            stream = self._video_stream(NO_SENSORS if sensors is None else sensors)
+            stream = self._video_stream(sensors())
             names = ", ".join(content.name for content in stream.contents())
             received += [FileTimes(names, times, is_stream=True) for times in stream.spans()]
             faults = stream.faults() + faults

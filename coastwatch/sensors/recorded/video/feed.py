@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal, Self
 
 import numpy as np
@@ -43,9 +43,9 @@ class VideoFiles(Method):
         """The video of all files as a stream. Raises: OSError, InputError that names the file."""
         return Recording(self._stream(sensors))
 
-    def span(self, sensors: Sensors) -> tuple[float, float]:
+    def span(self, sensors: Callable[[], Sensors], after_s: float, to_the_end: bool) -> tuple[float, float]:
         """The whole seconds around the spokes. It reads the files once. Raises: OSError, InputError."""
-        return self._stream(sensors).span()
+        return self._stream(sensors()).span()
 
     def _stream(self, sensors: Sensors) -> VideoFileStream:
         if not len(sensors.radars):
