@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Sequence
 from typing import Any, TypedDict
 
@@ -13,10 +13,10 @@ from coastwatch.batches import COVER_RANGES, Floats, RadarCover, Sensors
 from coastwatch.centre import Cycle
 from coastwatch.formats.video_state import VideoState
 from coastwatch.geodesy import NAUTICAL_MILE_M
+from coastwatch.server.last_minute import WITHIN_S, LastMinute
 from coastwatch.server.link import FeedState, RadarState
 from coastwatch.store import VIDEO_VALUES
 
-WITHIN_S = 60.0  # losses, and plots, of so long count
 STOPPED_TURNS, STOPPED_S = 3.0, 10.0  # without a message, the larger one: the video has stopped
 LOST_SHARE, LEAST_LOST = 0.01, 20  # of the spokes of a minute, and so many, are a trouble
 AHEAD_S = 2.0  # a spoke cannot come before it was sent
@@ -32,18 +32,13 @@ class VideoHealth:
     def __init__(self, radars: dict[str, VideoState]) -> None:
         """Args: radars: by name, kept up to date by the decoder."""
         self._radars = radars
-        # By radar, of the last minute: when, spokes, and those lost with those of which a part did not come.
-        self._looks: dict[str, deque[tuple[float, int, int]]] = {}
+        self._last_minute = defaultdict[str, LastMinute](LastMinute)  # by radar
 
     def look(self, at_s: float) -> None:
         """Note the counts. Args: at_s: now."""
         for name, state in list(self._radars.items()):
-            looks = self._looks.setdefault(name, deque())
-            if looks and state.spokes < looks[-1][1]:
-                looks = self._looks[name] = deque()  # heard under another SAC and SIC; another thread may read the old one
-            looks.append((at_s, state.spokes, state.spokes_lost + state.parts_lost))
-            while looks[0][0] < at_s - WITHIN_S:
-                looks.popleft()
+            # It begins anew where the radar is heard under another SAC and SIC.
+            self._last_minute[name].note(at_s, spokes=state.spokes, lost=state.spokes_lost + state.parts_lost)
 
     def states(self, now_s: float) -> list[RadarState]:
         """The radars as the API answers them."""
@@ -51,8 +46,8 @@ class VideoHealth:
         return [self._state(radars[name], now_s) for name in sorted(radars)]
 
     def _state(self, s: VideoState, now_s: float) -> RadarState:
-        looks = self._looks.get(s.name)
-        spokes, lost = (looks[-1][1] - looks[0][1], looks[-1][2] - looks[0][2]) if looks else (0, 0)
+        change = self._last_minute[s.name].change()
+        spokes, lost = change["spokes"], change["lost"]
         silent_s = max(now_s - s.heard_s, 0.0)
         return {
             "name": s.name,

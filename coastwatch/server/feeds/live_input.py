@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -36,6 +35,7 @@ from coastwatch.server.clock import CLOCK, ClockSet, now_s
 from coastwatch.server.feeds.address import Address
 from coastwatch.server.feeds.transport import Inbox, Receiver
 from coastwatch.server.input import Positions
+from coastwatch.server.last_minute import LastMinute
 from coastwatch.server.link import FeedState
 from coastwatch.server.regions.client import RegionAddress
 from coastwatch.server.regions.intake import RegionIntake, resumed
@@ -55,8 +55,8 @@ BEGIN_RECORDS, BEGIN_S = 10, 2.0
 AHEAD_OF_CYCLE_S = 60.0
 """With the clock of the feeds: a feed that is so far ahead of the cycle is not read for now, so that its sender waits."""
 
-THROWN_WITHIN_S, LEAST_THROWN, THROWN_SHARE = 60.0, 10, 0.2
-"""A feed is in trouble when so many of its reports in so long were thrown away, and this share; or so many and no other came."""
+LEAST_THROWN, THROWN_SHARE = 10, 0.2
+"""A feed is in trouble when so many of its reports in a minute were thrown away, and this share; or so many and no other came."""
 
 MANY_SET_ASIDE = 1_000
 """A feed is in trouble while more of its MMSI wait for a second report, and are not in the picture."""
@@ -77,9 +77,7 @@ class _Feed:
     def __init__(self, inbox: Inbox, decoder: Decoder) -> None:
         self.inbox, self.decoder = inbox, decoder
         self.items: list[Item] = []  # received and not yet decoded
-        # Of the last minute: when, records used, late, of before the run, datagrams or lines dropped, records refused; stamps that
-        # were replaced by the time of arrival, and that no clock shows; MMSI for which there was no room.
-        self._looks: deque[tuple[float, int, int, int, int, int, int, int, int]] = deque()
+        self._last_minute = LastMinute()
         self._video = VideoHealth(decoder.counts.radars)
 
     def decode(self, reference_s: float | None) -> None:
@@ -89,14 +87,18 @@ class _Feed:
 
     def look(self) -> None:
         """Note the counts, for `troubles`."""
-        at_s, counts = now_s(), self.decoder.counts
-        dropped = self.inbox.dropped + counts.dropped
-        tally = self.decoder.tally
-        not_read = sum(fault.count for fault in _not_used(tally.faults()))
-        stamps = tally.count(AHEAD), tally.count(NO_TIME)
-        self._looks.append((at_s, counts.records, counts.late, counts.before_run, dropped, not_read, *stamps, counts.no_room))
-        while self._looks[0][0] < at_s - THROWN_WITHIN_S:
-            self._looks.popleft()
+        at_s, counts, tally = now_s(), self.decoder.counts, self.decoder.tally
+        self._last_minute.note(
+            at_s,
+            used=counts.records,
+            late=counts.late,
+            before_run=counts.before_run,
+            dropped=self.inbox.dropped + counts.dropped,
+            not_read=sum(fault.count for fault in _not_used(tally.faults())),
+            ahead=tally.count(AHEAD),
+            no_time=tally.count(NO_TIME),
+            no_room=counts.no_room,
+        )
         self._video.look(at_s)
 
     def troubles(self) -> list[str]:
@@ -106,31 +108,28 @@ class _Feed:
         if is_off:
             sentence = f"its clock is {abs(ahead_s):.0f} s {'ahead' if ahead_s > 0.0 else 'behind'}"
             sentences.append(sentence + (": the time of arrival is taken" if ahead_s > 0.0 else ""))
-        looks = list(self._looks)
-        if looks:
-            used, late, before_run, dropped, not_read, ahead, no_time, no_room = (
-                looks[-1][k] - looks[0][k] for k in range(1, 9)
+        n = self._last_minute.change()
+        used, thrown = n["used"], n["late"] + n["before_run"]
+        if n["ahead"] and not is_off:
+            sentences.append(
+                f"{n['ahead']} stamps of the last minute were ahead of the clock of this machine: the time of arrival is taken"
             )
-            thrown = late + before_run
-            if ahead and not is_off:
-                sentences.append(
-                    f"{ahead} stamps of the last minute were ahead of the clock of this machine: the time of arrival is taken"
-                )
-            if no_time:
-                sentences.append(f"{no_time} records of the last minute are not used: {NO_TIME}")
-            if not used and not_read - no_time >= LEAST_THROWN:
-                most = max(_not_used(self.decoder.tally.faults()), key=lambda fault: fault.count)
-                why = f"{most.kind}: {most.example}" if most.example else most.kind
-                sentences.append(f"none of the {not_read} records of the last minute could be used, most often: {why}")
-            if dropped:
-                sentences.append(f"{dropped} lines, datagrams or reports were dropped in the last minute: too long, or no room")
-            if thrown >= LEAST_THROWN and thrown > THROWN_SHARE * (thrown + used):
-                why = "they came after their cycle"
-                if before_run > late:
-                    why = "they are from before the run began. A recording needs --clock feeds"
-                sentences.append(f"{thrown} of {thrown + used} reports of the last minute were thrown away: {why}")
-            sentences += _of_new_mmsi(self.decoder.counts.set_aside, int(no_room))
-        return sentences
+        if n["no_time"]:
+            sentences.append(f"{n['no_time']} records of the last minute are not used: {NO_TIME}")
+        if not used and n["not_read"] - n["no_time"] >= LEAST_THROWN:
+            most = max(_not_used(self.decoder.tally.faults()), key=lambda fault: fault.count)
+            why = f"{most.kind}: {most.example}" if most.example else most.kind
+            sentences.append(f"none of the {n['not_read']} records of the last minute could be used, most often: {why}")
+        if n["dropped"]:
+            sentences.append(
+                f"{n['dropped']} lines, datagrams or reports were dropped in the last minute: too long, or no room"
+            )
+        if thrown >= LEAST_THROWN and thrown > THROWN_SHARE * (thrown + used):
+            why = "they came after their cycle"
+            if n["before_run"] > n["late"]:
+                why = "they are from before the run began. A recording needs --clock feeds"
+            sentences.append(f"{thrown} of {thrown + used} reports of the last minute were thrown away: {why}")
+        return sentences + _of_new_mmsi(self.decoder.counts.set_aside, n["no_room"])
 
     def counters(self) -> FeedState:
         """Its state for operators."""

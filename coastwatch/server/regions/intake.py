@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 
 from coastwatch.batches import Fault, TrackReports, limits
 from coastwatch.formats.decoding import FAR_AHEAD_S
 from coastwatch.server.clock import now_s
+from coastwatch.server.last_minute import LastMinute
 from coastwatch.server.link import FeedState
 from coastwatch.server.regions.client import Connection, RegionAddress
 from coastwatch.server.regions.link import NOTHING, Incoming, Position
@@ -21,11 +21,11 @@ LATE = "cycle of the region later than its cycle here"
 AHEAD = "cycle of the region ahead of the clock of this machine, time of arrival taken"
 WITHOUT = "cycle without tracks of the region"
 
-THROWN_WITHIN_S, LEAST_THROWN, THROWN_SHARE = 60.0, 3, 0.2
-"""A region is in trouble when so many of its cycles in so long were late, and this share."""
+LEAST_THROWN, THROWN_SHARE = 3, 0.2
+"""A region is in trouble when so many of its cycles in a minute were late, and this share."""
 
 LEAST_RETURNED = 2
-"""There are two senders when so many changes in so long were to the run before."""
+"""There are two senders when so many changes in a minute were to the run before."""
 
 FEWEST_LOOKS = 5
 """Cycles here that are judged in any case, however long they are. A region none of whose cycles was late in them is well again."""
@@ -44,9 +44,8 @@ class RegionIntake:
         self._waiting: list[tuple[RegionCycle, float]] = []  # and how long after its end it came
         self._late_s = 0.0  # how long after its end the newest late cycle came
         self._intake: list[Intake] = []
-        self._looks: deque[tuple[float, int, int, int]] = deque(
-            [(now_s(), 0, 0, 0)]
-        )  # newest last: when, cycles used, late, runs again
+        self._last_minute = LastMinute(FEWEST_LOOKS + 1)
+        self._last_minute.note(now_s())
         self._last = connection.incoming.position  # the last cycle that was used
 
     @property
@@ -104,24 +103,21 @@ class RegionIntake:
 
     def _look(self) -> None:
         """Note the counts, for `troubles`."""
-        at_s = now_s()
-        self._looks.append((at_s, self.used, self.late, self.connection.incoming.returned))
-        while len(self._looks) > FEWEST_LOOKS + 1 and self._looks[0][0] < at_s - THROWN_WITHIN_S:
-            self._looks.popleft()
+        self._last_minute.note(now_s(), used=self.used, late=self.late, returned=self.connection.incoming.returned)
 
     def troubles(self) -> list[str]:
         """What is wrong with its runs, and with the times of its cycles."""
-        looks, sentences = list(self._looks), list[str]()
+        change, sentences = self._last_minute.change(), list[str]()
         incoming = self.connection.incoming
-        if looks[-1][3] - looks[0][3] >= LEAST_RETURNED:
+        if change["returned"] >= LEAST_RETURNED:
             runs = f"{incoming.former.run} and {incoming.position.run}"
             sentences.append(f"two senders: cycles of the runs {runs} come in turn. Each region needs a name of its own")
         if not self._checked:
             return sentences
         if self._ahead_s > FAR_AHEAD_S:
             sentences.append(f"its clock is {self._ahead_s:.0f} s ahead: the time of arrival is taken")
-        used, late = (looks[-1][k] - looks[0][k] for k in (1, 2))
-        goes_on = looks[-1][2] > looks[-min(FEWEST_LOOKS + 1, len(looks))][2]
+        used, late = change["used"], change["late"]
+        goes_on = self._last_minute.change(FEWEST_LOOKS + 1)["late"] > 0
         if goes_on and late >= LEAST_THROWN and late > THROWN_SHARE * (late + used):
             sentences.append(
                 f"{late} of its last {late + used} cycles were left out: the newest of them came {self._late_s:.0f} s after its end, "
