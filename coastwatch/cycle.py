@@ -21,6 +21,7 @@ from coastwatch.batches import (
     Extractions,
     Fault,
     Measurements,
+    Messages,
     Plots,
     RadarCorrections,
     RadarCover,
@@ -40,6 +41,7 @@ from coastwatch.scenario import Scenario
 from coastwatch.stage import Map, RegionMap, Running, serial_regions
 from coastwatch.tracks import AisInput, AisMemory, Antennas, BearingInput, BearingMemory, ReceivedInput, ReceivedMemory
 from coastwatch.tracks.bearing.vessels import expected_vessels
+from coastwatch.tracks.radar.messages import messages_of
 
 LEFT_OUT = {
     "tracks": "choices of the plots of a crowd of tracks not proven best: each is the best one found within the limit of nodes",
@@ -151,7 +153,8 @@ def run_cycle(
         ais_memory, (ais_tracks, alarms, ais_taken) = s.ais_tracks.step(m.ais_tracks, heard)
     with timer("tracks"):
         messages = [
-            s.tracks.messages_of(ais_taken, ais_tracks, sensors, k, alarms.interval_s) for k in range(len(sensors.region_names))
+            messages_of(ais_taken, ais_tracks, sensors, k, alarms.interval_s) if s.tracks.takes_messages else Messages.empty()
+            for k in range(len(sensors.region_names))
         ]
         region_inputs, unknown = reports_of_regions(reports.radar, messages, m.corrections, time_s, sensors, reports.video)
         stepped = regions(step_of_regions(s), m.regions, region_inputs)

@@ -28,6 +28,7 @@ from coastwatch.tracks import (
 )
 from coastwatch.tracks.radar.association import KnownOrigin
 from coastwatch.tracks.radar.life import TrackManagement
+from coastwatch.tracks.radar.messages import messages_of
 
 AnyMemory = RadarMemory | ForestMemory | ImmJpdaMemory | ParticlesMemory
 NEVER = 10**6  # turns or seconds that no run has: tracks of known origin end with their targets
@@ -82,7 +83,9 @@ def cycles(
     echo_m = scenario.tracks.upkeep.echo_sigma_m if known and isinstance(scenario.tracks, TableTracker) else 0.0
     for now_s, plots, heard, video in cycle_inputs(scenario, recording, first, method.takes_video):
         ais_memory, (ais, alarms, taken) = scenario.ais_tracks.step(ais_memory, AisInput(heard, now_s, sensors))
-        messages = scenario.tracks.messages_of(taken, ais, sensors, 0, alarms.interval_s)
+        messages = Messages.empty()
+        if scenario.tracks.takes_messages:
+            messages = messages_of(taken, ais, sensors, 0, alarms.interval_s)
         if known:  # the bound knows all noise, and of whom each message is
             plots = replace(plots, covariance=plots.covariance + echo_m**2 * np.eye(2))
             plots = Plots.join([plots, _as_plots(messages, sensors)])

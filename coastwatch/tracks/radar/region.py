@@ -98,15 +98,14 @@ class RadarMethod(Method):
         return False
 
     @property
-    def holds_messages(self) -> bool:
-        """Whether AIS messages are in the tracks that it reports."""
+    def takes_messages(self) -> bool:
+        """Whether it takes AIS messages as well as plots."""
         return False
 
-    def messages_of(
-        self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
-    ) -> Messages:
-        """The AIS messages of a cycle that a region is given. Args: as of `coastwatch.tracks.radar.messages.messages_of`."""
-        return Messages.empty()
+    @property
+    def holds_messages(self) -> bool:
+        """Whether AIS messages are in the tracks that it reports."""
+        return self.takes_messages
 
 
 @dataclass(frozen=True)

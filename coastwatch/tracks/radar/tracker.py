@@ -6,12 +6,11 @@ from typing import Self, get_args
 
 from pydantic import model_validator
 
-from coastwatch.batches import Floats, Measurements, Messages, Sensors, Tracks
 from coastwatch.tracks.radar.association import Association, Jpda, MultiHypothesis, NearestNeighbour
 from coastwatch.tracks.radar.bank import Bank, Compiled, Particles
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import TrackManagement, Upkeep
-from coastwatch.tracks.radar.messages import Guiding, MessageUpdate, NoMessages, Sequential, messages_of
+from coastwatch.tracks.radar.messages import Guiding, MessageUpdate, NoMessages, Sequential
 from coastwatch.tracks.radar.motion import Manoeuvres, MotionModels
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.presets import TAGS, Name, expanded, settings_of
@@ -74,6 +73,10 @@ class TableTracker(RadarMethod):
         return self
 
     @property
+    def takes_messages(self) -> bool:
+        return not isinstance(self.messages, NoMessages)
+
+    @property
     def holds_messages(self) -> bool:
         return not (isinstance(self.messages, NoMessages) or self.messages.guides)
 
@@ -86,13 +89,6 @@ class TableTracker(RadarMethod):
     def settings_of(cls, method: str) -> set[str]:
         """The settings that this method, one of the names, is usually given."""
         return settings_of(method, set(cls.model_fields))
-
-    def messages_of(
-        self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
-    ) -> Messages:
-        if isinstance(self.messages, NoMessages):
-            return Messages.empty()
-        return messages_of(reports, ais, sensors, region, interval_s)
 
     def init(self) -> RadarMemory:
         bank = self.bank.of(self.motion)

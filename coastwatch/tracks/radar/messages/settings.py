@@ -41,10 +41,8 @@ class MessageSettings(Settings):
         return self.gate_sigmas**2
 
 
-def messages_of(
-    reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
-) -> Messages:
-    """The AIS reports of a cycle inside the range of a radar of a region, in its plane.
+def messages_of(reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats) -> Messages:
+    """The AIS reports of a cycle inside the range of a radar of a region, in its plane: what a tracker with `takes_messages` is given.
 
     Args: reports: that went into these AIS tracks; interval_s: (N,) of each AIS track, expected between its reports.
     """
@@ -62,7 +60,7 @@ def messages_of(
         origin=ais.origin[at],
         velocity_m_s=(axes @ reports.velocity_m_s[:, :, None])[:, :, 0],
         velocity_covariance=axes @ reports.covariance[:, 2:, 2:] @ back,
-        interval_s=np.full(len(at), np.nan) if interval_s is None else interval_s[at],
+        interval_s=interval_s[at],
     )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks, Unproven
+from coastwatch.batches import Bools, Floats, Ints, Messages, Plots, Sensors, StandingEchoes, Tracks, Unproven
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
@@ -28,7 +28,6 @@ from coastwatch.kernels.tracks.thesis_growth import (
     report_score,
 )
 from coastwatch.stage import Count, CountOrZero, NotNegative, Positive, Probability
-from coastwatch.tracks.radar.messages import messages_of
 from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Decided, ForestMemory, Leaves
 from coastwatch.tracks.radar.multi_hypothesis_literal.initiation import InitiationSettings, begin, transition
 from coastwatch.tracks.radar.region import RadarMethod, RegionInput, RegionOutput, is_usable
@@ -77,13 +76,8 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
     looks_apart: Count = 1  # a cycle without plots is a look after so many turns
 
     @property
-    def holds_messages(self) -> bool:
+    def takes_messages(self) -> bool:
         return True
-
-    def messages_of(
-        self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int, interval_s: Floats | None = None
-    ) -> Messages:
-        return messages_of(reports, ais, sensors, region, interval_s)
 
     def init(self) -> ForestMemory:
         return ForestMemory.empty(self.window)
