@@ -22,7 +22,6 @@ from coastwatch.batches import (
     Tracks,
     Unproven,
 )
-from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
 from coastwatch.stage import Method
@@ -52,7 +51,7 @@ from coastwatch.tracks.radar.messages import (
     trusted,
 )
 from coastwatch.tracks.radar.parts import Parts
-from coastwatch.tracks.radar.report import Reported, report, report_decided, report_measurements
+from coastwatch.tracks.radar.report import Reported, radars_of, report, report_decided, report_measurements
 from coastwatch.tracks.radar.table import RadarMemory
 
 NOTHING_DECIDED = DecidedPath.empty()
@@ -209,7 +208,6 @@ def update_region(
     ours = np.flatnonzero(sensors.radars.region == region)
     slice_s = min(upkeep.slice_s, 0.5 * float(sensors.radars.period_s[ours].min(initial=np.inf)))
     plots, batches = cut(plots, slice_s, association.by_radar)
-    specified = to_plane(sensors.radars.site_deg[ours], origin_deg)
     taken = np.full(len(plots), -1)
     for batch in batches:
         of, site_m = batch.columns.sensor, plots.site_m[batch.first :][: len(batch.columns.sensor)]
@@ -226,11 +224,11 @@ def update_region(
         taken[batch.first + got] = memory.table.track_id[slot[got]]
         averaged(memory.table.extent, memory.table.extent_plots, slot[got], plots.extent[batch.first + got])
         if batch.ends_slice:
-            radars = _radars(memory, ours, specified, sensors)
+            radars = radars_of(sensors, region, memory.site_m, memory.newest_plot_s)
             memory = _end_slice(association, parts, memory, radars, ours, float(batch.columns.time[-1]))
     if queue:
         memory = queue.take(parts, memory, time_s)
-    radars = _radars(memory, ours, specified, sensors)
+    radars = radars_of(sensors, region, memory.site_m, memory.newest_plot_s)
     memory = _end_slice(association, parts, memory, radars, ours, time_s)
     memory = _with_whole_ships(parts, association.end_cycle(parts, memory, time_s), time_s)
     if tested and not isinstance(messages, NoMessages):
@@ -374,10 +372,3 @@ def _hulls(parts: Parts, memory: RadarMemory, time_s: float, least: int) -> tupl
     beam_m = _beam_m(memory, rows, table.combined_mean[rows, :2], parts.sensors)
     rows = rows[(length > beam_m) & (length <= LONGEST_M)]
     return rows, Hulls(table.updated_s[rows], table.combined_mean[rows], table.extent[rows], table.radar_s[rows])
-
-
-def _radars(memory: RadarMemory, ours: Ints, specified_m: Floats, sensors: Sensors) -> RadarColumns:
-    """The radars of the region, at the site of their newest plot, or before any plot at their specified site."""
-    site = memory.site_m[ours]
-    site = np.where(np.isfinite(site), site, specified_m)
-    return RadarColumns(site, sensors.radars.range_m[ours], sensors.radars.period_s[ours], memory.newest_plot_s[ours])

@@ -9,6 +9,7 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import ID_STRIDE, DecidedPath, Floats, Ints, Measurements, Plots, Sensors, Tracks
 from coastwatch.batches.struct import Batch, column, optional_column
+from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.tracks.radar.extent import Echoes, echoes_of
@@ -28,6 +29,22 @@ class Reported(Batch):
     extent: Floats = optional_column("N", 3)  # mean second moments of the echoes, m2 in the plane; NaN: not known
     beam_m: Floats = optional_column("N")  # width of the beam at the track; NaN: not known
     alternative_m: Floats = optional_column("N")  # NaN: sure
+
+
+def radars_of(sensors: Sensors, region: int, site_m: Floats | None = None, newest_plot_s: Floats | None = None) -> RadarColumns:
+    """The radars of a region as the kernels take them, each at its newest site, or before any plot at its specified site.
+
+    Args: site_m: (R, 2) of each radar at its newest plot, NaN: it has sent none; newest_plot_s: (R,) -inf: it has sent none. None: no
+    radar has sent any.
+    """
+    radars = sensors.radars
+    ours = np.flatnonzero(radars.region == region)
+    site = np.full((len(ours), 2), np.nan) if site_m is None else site_m[ours]
+    newest_s = np.full(len(ours), -np.inf) if newest_plot_s is None else newest_plot_s[ours]
+    unknown = ~np.isfinite(site)
+    if unknown.any():
+        site = np.where(unknown, to_plane(radars.site_deg[ours], sensors.region_origin_deg[region]), site)
+    return RadarColumns(site, radars.range_m[ours], radars.period_s[ours], newest_s)
 
 
 def report(now: Estimates, reported: Reported, radars: RadarColumns, time_s: float, sensors: Sensors, region: int) -> Tracks:

@@ -14,17 +14,16 @@ from pydantic import Field, model_validator
 
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, StandingEchoes
-from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.unscented import COURSE, MODELS, RATE, SPEED, MotionRules
-from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
+from coastwatch.kernels.tracks.columns import PlotColumns
 from coastwatch.kernels.tracks.initiation import StartRules
 from coastwatch.kernels.tracks.polar_update import PolarPlots
 from coastwatch.stage import NotNegative, Positive, Probability
 from coastwatch.tracks.radar.clutter import ClutterSettings, empty_map, false_plots_per_m2, learn
 from coastwatch.tracks.radar.imm_jpda_literal.memory import NEWEST, Confirmed, ImmJpdaMemory, Preliminary, Tentative
 from coastwatch.tracks.radar.region import RadarMethod, RegionInput, RegionOutput, cut, is_usable
-from coastwatch.tracks.radar.report import Reported, report, report_measurements
+from coastwatch.tracks.radar.report import Reported, radars_of, report, report_measurements
 
 AHEAD_S = 5.0  # a plot stamped more than this after the cycle is dropped
 SLICE_S = 1.0  # plots are taken in slices of this length, at most half a turn
@@ -123,9 +122,7 @@ class ImmJpdaLiteral(RadarMethod):
         confirmed = memory.confirmed.take(np.flatnonzero(recent.any(axis=1)))
         memory = replace(memory, confirmed=confirmed)
         mean, covariance = kernels.filters.unscented.cartesian(confirmed.columns, float(time_s), self._motion)
-        specified = to_plane(radars.site_deg[ours], sensors.region_origin_deg[region])
-        site_m = np.where(np.isfinite(memory.site_m[ours]), memory.site_m[ours], specified)
-        columns = RadarColumns(site_m, radars.range_m[ours], radars.period_s[ours], memory.newest_plot_s[ours])
+        columns = radars_of(sensors, region, memory.site_m, memory.newest_plot_s)
         every = np.arange(len(confirmed))
         said = Reported(
             number=confirmed.number,

@@ -14,7 +14,6 @@ from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Messages, Plots, Sensors, StandingEchoes, Tracks, Unproven
-from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.kernels.tracks.thesis_growth import (
@@ -31,7 +30,7 @@ from coastwatch.stage import Count, CountOrZero, NotNegative, Positive, Probabil
 from coastwatch.tracks.radar.multi_hypothesis_literal.forest import Decided, ForestMemory, Leaves
 from coastwatch.tracks.radar.multi_hypothesis_literal.initiation import InitiationSettings, begin, transition
 from coastwatch.tracks.radar.region import RadarMethod, RegionInput, RegionOutput, is_usable
-from coastwatch.tracks.radar.report import Reported, report, report_measurements
+from coastwatch.tracks.radar.report import Reported, radars_of, report, report_measurements
 
 AHEAD_S = 5.0  # a plot stamped more than this after the cycle is dropped
 ROUNDS = 100  # of prices, in the solver
@@ -101,9 +100,7 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
             memory = replace(self.init(), next_number=memory.next_number)
         good = is_usable(plots, time_s, AHEAD_S)
         plots = plots.take(good)
-        ours = np.flatnonzero(sensors.radars.region == region)
-        site_m = to_plane(sensors.radars.site_deg[ours], sensors.region_origin_deg[region])
-        radars = RadarColumns(site_m, sensors.radars.range_m[ours], sensors.radars.period_s[ours], np.full(len(ours), -np.inf))
+        radars = radars_of(sensors, region)
         waiting = Messages.join([memory.waiting, given.messages])
         memory = replace(memory, waiting=waiting, decided=Decided.empty(), unproven=Unproven())
         number = np.full(len(plots), -1)

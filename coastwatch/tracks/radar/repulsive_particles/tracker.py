@@ -15,10 +15,9 @@ from pydantic import Field
 from coastwatch.batches import Floats, Measurements, Plots, StandingEchoes, Tracks
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.filters.gaussian import Estimates
-from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.stage import Count, NotNegative, Positive, Probability
 from coastwatch.tracks.radar.region import RadarMethod, RegionInput, RegionOutput, is_usable
-from coastwatch.tracks.radar.report import Reported, report
+from coastwatch.tracks.radar.report import Reported, radars_of, report
 from coastwatch.tracks.radar.repulsive_particles.memory import TURN_RAD, Particles, ParticlesMemory, Window
 
 AHEAD_S = 5.0  # a plot stamped more than this after the cycle is dropped
@@ -33,7 +32,6 @@ PART_M = 150.0  # between two searches
 POWER = 4  # of the repulsion
 SIGMAS = 3.0  # of another filter, within which it pushes
 MOST_TURNS = 5.0  # without a look, after which a filter ends: the video has stopped
-NEVER_S = -np.inf
 
 
 class _Look(NamedTuple):
@@ -268,11 +266,7 @@ class RepulsiveParticles(RadarMethod):
             mean = now.mean(axis=1)
             off = now - mean[:, None]
             covariance = np.einsum("fpi,fpj->fij", off, off) / (self.particles - 1)
-        ours = np.flatnonzero(sensors.radars.region == region)
-        specified = to_plane(sensors.radars.site_deg[ours], sensors.region_origin_deg[region])
-        site_m = np.where(np.isfinite(memory.site_m[ours]), memory.site_m[ours], specified)
-        never = np.full(len(ours), NEVER_S)
-        radars = RadarColumns(site_m, sensors.radars.range_m[ours], sensors.radars.period_s[ours], never)
+        radars = radars_of(sensors, region, memory.site_m)
         said = Reported(f.acquired_number, f.looked_s, f.started_s, f.origin)
         return report(
             Estimates(np.full(len(f), time_s), mean, covariance, np.zeros(len(f))), said, radars, time_s, sensors, region
