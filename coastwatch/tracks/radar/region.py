@@ -26,7 +26,7 @@ from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
 from coastwatch.stage import Method
 from coastwatch.tracks.radar import plots_alone
-from coastwatch.tracks.radar.association import AnyAssociation, MultiHypothesis
+from coastwatch.tracks.radar.association import AnyAssociation
 from coastwatch.tracks.radar.clutter import standing_echoes
 from coastwatch.tracks.radar.extent import (
     LEAST_PLOTS,
@@ -43,11 +43,9 @@ from coastwatch.tracks.radar.life.existence import KNOWN
 from coastwatch.tracks.radar.messages import (
     Guiding,
     NoMessages,
-    Sequential,
     WithMessages,
     begin_unnamed,
     in_order,
-    leave,
     trusted,
 )
 from coastwatch.tracks.radar.parts import Parts
@@ -55,7 +53,6 @@ from coastwatch.tracks.radar.report import Reported, radars_of, report, report_d
 from coastwatch.tracks.radar.table import RadarMemory
 
 NOTHING_DECIDED = DecidedPath.empty()
-LOOKS = 3  # of a radar, for which plots contradict messages until a track leaves them: filters lag behind a turn
 DAY_S = 86400.0  # older plots are from a clock that is not set
 HELD = 0.98  # an id of this probability is reported as that of the vessel; the first message gives `correct_id`, 0.99
 
@@ -173,10 +170,7 @@ class _MessagesInTurn:
             return memory
         part = self.messages.take(np.arange(self.done, end))
         self.done = end
-        if isinstance(self.association, MultiHypothesis):
-            assert isinstance(self.rules, Sequential)
-            return self.association.take_messages(parts, self.rules, memory, part)
-        return self.rules.take(parts, memory, part, until_s)
+        return self.association.take_messages(parts, self.rules, memory, part, until_s)
 
 
 def update_region(
@@ -225,14 +219,15 @@ def update_region(
         averaged(memory.table.extent, memory.table.extent_plots, slot[got], plots.extent[batch.first + got])
         if batch.ends_slice:
             radars = radars_of(sensors, region, memory.site_m, memory.newest_plot_s)
-            memory = _end_slice(association, parts, memory, radars, ours, float(batch.columns.time[-1]))
+            memory = association.end_slice(parts, memory, radars, ours, float(batch.columns.time[-1]))
     if queue:
         memory = queue.take(parts, memory, time_s)
     radars = radars_of(sensors, region, memory.site_m, memory.newest_plot_s)
-    memory = _end_slice(association, parts, memory, radars, ours, time_s)
+    memory = association.end_slice(parts, memory, radars, ours, time_s)
     memory = _with_whole_ships(parts, association.end_cycle(parts, memory, time_s), time_s)
     if tested and not isinstance(messages, NoMessages):
-        memory = _without_contradicted(association, messages, parts, memory, heard, time_s)
+        oldest_s = float(heard.time_s.min(initial=np.inf))
+        memory = association.leave_messages(parts, messages, memory, oldest_s, time_s)
     tracks = _shown_tracks(association, isinstance(messages, Guiding), tested, parts, memory, radars, given)
     found = RegionOutput(
         tracks=tracks,
@@ -243,32 +238,6 @@ def update_region(
         unproven=memory.forest.unproven,
     )
     return memory.without_reported(), found
-
-
-def _without_contradicted(
-    association: AnyAssociation,
-    messages: WithMessages,
-    parts: Parts,
-    memory: RadarMemory,
-    heard: Messages,
-    time_s: float,
-) -> RadarMemory:
-    """The memory after tracks have left messages that contradict their plots. Args: heard: messages of this cycle."""
-    looks = LOOKS
-    if isinstance(association, MultiHypothesis):  # its last looks are not decided yet
-        looks = max(looks, association.window)
-    left = leave(messages, parts, memory, float(heard.time_s.min(initial=np.inf)), time_s, looks)
-    return association.begin_again(memory, left) if isinstance(association, MultiHypothesis) else memory
-
-
-def _end_slice(
-    association: AnyAssociation, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, time_s: float
-) -> RadarMemory:
-    """The memory after the looks that are over. Args: as of `ExistenceManagement.end_slice`."""
-    every = parts.sensors.radars
-    if isinstance(association, MultiHypothesis):
-        return association.end_slice(parts, memory, radars, ours, every, time_s)
-    return parts.upkeep.end_slice(memory, radars, ours, every, time_s)
 
 
 def _shown_tracks(
@@ -288,13 +257,10 @@ def _shown_tracks(
     rows = parts.upkeep.shown(table, time_s)
     if seen:
         rows = rows[plots_alone.seen(memory.plots_alone, table, parts, rows, time_s)]
-    alternative_m = np.zeros(0)  # not given: each is sure
     if of_plots:
-        now = _by_plots(parts, memory, rows, time_s)
-    elif isinstance(association, MultiHypothesis):
-        now, alternative_m = association.predict(parts, memory, rows, time_s)
+        now, alternative_m = _by_plots(parts, memory, rows, time_s), np.zeros(0)
     else:
-        now = parts.bank.predict(table.filters, table.estimates, rows, time_s)
+        now, alternative_m = association.predict(parts, memory, rows, time_s)
     extent, beam_m = np.full((len(rows), 3), np.nan), np.full(len(rows), np.nan)
     known = np.flatnonzero(table.extent_plots[rows] >= LEAST_PLOTS)
     if len(known):

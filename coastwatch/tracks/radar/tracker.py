@@ -6,11 +6,11 @@ from typing import Self, get_args
 
 from pydantic import model_validator
 
-from coastwatch.tracks.radar.association import Association, Jpda, MultiHypothesis, NearestNeighbour
+from coastwatch.tracks.radar.association import Association, NearestNeighbour
 from coastwatch.tracks.radar.bank import Bank, Compiled, Particles
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import TrackManagement, Upkeep
-from coastwatch.tracks.radar.messages import Guiding, MessageUpdate, NoMessages, Sequential
+from coastwatch.tracks.radar.messages import Guiding, MessageUpdate, NoMessages
 from coastwatch.tracks.radar.motion import Manoeuvres, MotionModels
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.presets import TAGS, Name, expanded, settings_of
@@ -58,13 +58,10 @@ class TableTracker(RadarMethod):
             raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' {association}")
         if needed != "existence" and not isinstance(self.messages, NoMessages):
             raise ValueError(f"messages.method: got {self.messages.method!r}, needed 'none' {association}")
-        if isinstance(self.association, MultiHypothesis):
-            if not isinstance(self.messages, NoMessages | Sequential):
-                raise ValueError(f"messages.method: got {self.messages.method!r}, needed 'sequential' or 'none' {association}")
-            if not isinstance(self.bank, Compiled):
-                raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' {association}")
-        if isinstance(self.association, Jpda) and not isinstance(self.bank, Compiled):
-            raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' {association}")
+        of_messages, of_bank = (self.messages.method, self.association.messages), (self.bank.method, self.association.banks)
+        for part, (got, fitting) in {"messages": of_messages, "bank": of_bank}.items():
+            if fitting and got not in fitting:
+                raise ValueError(f"{part}.method: got {got!r}, needed {' or '.join(map(repr, fitting))} {association}")
         if isinstance(self.messages, Guiding) and not isinstance(self.bank, Compiled):
             raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' with messages.method = 'guiding'")
         models = len(self.motion.table())

@@ -1,6 +1,6 @@
 """Which plots belong to which track: the methods of association, one union.
 
-To add one, write a module with a struct that has `track_batch` and `end_cycle`, and add it to the union.
+To add one, write a module with a `PlotAssociation` that has `track_batch` and `end_cycle`, and add it to the union.
 """
 
 from typing import Annotated

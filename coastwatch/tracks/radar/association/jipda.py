@@ -14,18 +14,17 @@ from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.kernels.tracks.existence import EXISTS, LATELY, SURELY
-from coastwatch.stage import Settings
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.life.existence import merge_duplicates
 from coastwatch.tracks.radar.parts import LIKELY, Parts, begin_tracks, false_plots_at, gated_by_plots, learn_turn
+from coastwatch.tracks.radar.plot_association import PlotAssociation
 from coastwatch.tracks.radar.table import RadarMemory
 
 
-class Jipda(Settings):
+class Jipda(PlotAssociation):
     """Each track weighs all plots in its gate, and each plot may be of a vessel without a track."""
 
     upkeep: ClassVar[str] = "existence"
-    by_radar: ClassVar[bool] = True
     literal: ClassVar[bool] = False  # as printed
     method: Literal["jipda"] = "jipda"
 

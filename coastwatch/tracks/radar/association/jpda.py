@@ -15,21 +15,22 @@ from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
 from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
-from coastwatch.stage import Probability, Settings
+from coastwatch.stage import Probability
 from coastwatch.tracks.radar.association.nearest_neighbour import associate, update_by_single_plots
 from coastwatch.tracks.radar.life.hits import remove_duplicates
 from coastwatch.tracks.radar.parts import Parts, begin_tracks
+from coastwatch.tracks.radar.plot_association import PlotAssociation
 from coastwatch.tracks.radar.table import RadarMemory, Status
 
 LIKELY = 0.5  # a look has a plot, and a plot its track, from this probability on
 EXACT = 8  # tracks or plots of a cluster up to which all joint assignments are summed
 
 
-class Jpda(Settings):
+class Jpda(PlotAssociation):
     """Each confirmed track weighs all plots in its gate. Plots that are likely of none begin tracks, which take one plot a look."""
 
     upkeep: ClassVar[str] = "hits"
-    by_radar: ClassVar[bool] = True
+    banks: ClassVar[tuple[str, ...]] = ("compiled",)
     method: Literal["jpda"] = "jpda"
     least_model_probability: Probability = 1e-4  # of a motion model, after an update
 

@@ -9,13 +9,13 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import Bools, Ints
 from coastwatch.kernels.tracks.columns import PlotColumns
-from coastwatch.stage import Settings
 from coastwatch.tracks.radar.association.nearest_neighbour import update_by_single_plots
 from coastwatch.tracks.radar.parts import Parts, begin_tracks
+from coastwatch.tracks.radar.plot_association import PlotAssociation
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
 
-class KnownOrigin(Settings):
+class KnownOrigin(PlotAssociation):
     """Each plot goes to the track of the vessel that it is known to come from: the bound of what association can do. Clutter is dropped."""
 
     upkeep: ClassVar[str] = "hits"

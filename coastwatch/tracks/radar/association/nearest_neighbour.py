@@ -13,18 +13,17 @@ from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import PlotColumns
-from coastwatch.stage import Settings
 from coastwatch.tracks.radar.clutter import LEAST_PLOTS, false_plots_per_m2
 from coastwatch.tracks.radar.life.hits import TrackManagement, remove_duplicates
 from coastwatch.tracks.radar.parts import Parts, begin_tracks
+from coastwatch.tracks.radar.plot_association import PlotAssociation
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
 
-class NearestNeighbour(Settings):
+class NearestNeighbour(PlotAssociation):
     """Each track takes at most one plot of a look: the best one-to-one assignment. Plots that no track takes begin tracks."""
 
     upkeep: ClassVar[str] = "hits"
-    by_radar: ClassVar[bool] = True
     method: Literal["nearest_neighbour"] = "nearest_neighbour"
 
     def track_batch(self, parts: Parts, memory: RadarMemory, batch: PlotColumns) -> tuple[RadarMemory, Ints]:

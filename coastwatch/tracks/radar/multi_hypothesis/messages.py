@@ -22,7 +22,7 @@ from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
-from coastwatch.tracks.radar.messages.sequential import Sequential
+from coastwatch.tracks.radar.messages.settings import MessageSettings
 from coastwatch.tracks.radar.messages.weighing import (
     COARSE,
     begin_named,
@@ -64,7 +64,7 @@ class Heard(NamedTuple):
     log_ratio: Floats  # (A,) likelihood over that of a message of a vessel without a track
 
 
-def take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: RadarMemory, messages: Messages) -> RadarMemory:
+def take_round(pruning: Pruning, parts: Parts, rules: MessageSettings, memory: RadarMemory, messages: Messages) -> RadarMemory:
     """The memory after these messages, whose gates have no track in common."""
     forest, table, batch = forest_of(memory, pruning.window), memory.table, columns_of(messages)
     leaves, first = forest.leaves, forest.next_plot
@@ -106,7 +106,7 @@ def take_round(pruning: Pruning, parts: Parts, rules: Sequential, memory: RadarM
     return _begin(parts, rules, replace(memory, forest=forest), messages, new)
 
 
-def _heard(parts: Parts, rules: Sequential, leaves: Leaves, messages: Messages) -> Heard:
+def _heard(parts: Parts, rules: MessageSettings, leaves: Leaves, messages: Messages) -> Heard:
     """The messages in the gate of any model of each leaf."""
     batch, lively = columns_of(messages), np.full(len(leaves), parts.bank.models["noise"].max())
     limit, every = COARSE * gate(parts.existence.gate_probability, 2), np.flatnonzero(leaves.slot >= 0)
@@ -134,7 +134,7 @@ def _heard(parts: Parts, rules: Sequential, leaves: Leaves, messages: Messages) 
     return Heard(leaf, message, Filters(*updated), predicted, ratio)
 
 
-def _give_up_names(rules: Sequential, table: Table, leaves: Leaves, heard: Heard, messages: Messages) -> None:
+def _give_up_names(rules: MessageSettings, table: Table, leaves: Leaves, heard: Heard, messages: Messages) -> None:
     """Take an MMSI from trees that have not heard it lately, when its message is in a gate of another tree with plots. In place.
 
     They had the plots of another vessel since its last message. As an MMSI is a resource, the other tree could not have it.
@@ -157,7 +157,7 @@ def _give_up_names(rules: Sequential, table: Table, leaves: Leaves, heard: Heard
 
 
 def _children(
-    parts: Parts, rules: Sequential, table: Table, forest: Forest, first_step: int, heard: Heard, messages: Messages
+    parts: Parts, rules: MessageSettings, table: Table, forest: Forest, first_step: int, heard: Heard, messages: Messages
 ) -> tuple[Leaves, FilterSteps]:
     """The leaves that take a message, and the steps of their filters. The windows of their parents have moved on already.
 
@@ -224,7 +224,7 @@ def _awaited_until_s(messages: Messages) -> Floats:
     return np.where(np.isfinite(until_s), until_s, -np.inf)
 
 
-def _begin(parts: Parts, rules: Sequential, memory: RadarMemory, messages: Messages, existence: Floats) -> RadarMemory:
+def _begin(parts: Parts, rules: MessageSettings, memory: RadarMemory, messages: Messages, existence: Floats) -> RadarMemory:
     """A track for each message that is probably of a vessel without one. Args: existence: (M,)."""
     begun = np.flatnonzero(existence >= rules.begin_existence)
     if not len(begun):

@@ -10,16 +10,17 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints, Messages, Radars
+from coastwatch.batches import Bools, Floats, Ints, Messages
 from coastwatch.kernels.filters.gaussian import Estimates, gate, squared_distance
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
 from coastwatch.kernels.tracks.hypothesis_trees import Look
 from coastwatch.kernels.tracks.tree_rows import TreeRows
-from coastwatch.stage import Count, Positive, Settings
+from coastwatch.stage import Count, Positive
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.leaves import FilterSteps, Forest, Leaves
 from coastwatch.tracks.radar.life.existence import merge_duplicates
-from coastwatch.tracks.radar.messages.sequential import Sequential, rounds
+from coastwatch.tracks.radar.messages import WithMessages, leave
+from coastwatch.tracks.radar.messages.sequential import rounds
 from coastwatch.tracks.radar.multi_hypothesis.choice import Pruning, choose_and_prune, ended, starts
 from coastwatch.tracks.radar.multi_hypothesis.messages import take_round
 from coastwatch.tracks.radar.multi_hypothesis.trees import (
@@ -36,20 +37,22 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     write_chosen,
 )
 from coastwatch.tracks.radar.parts import Parts, begin_tracks, false_plots_at, learn_turn
+from coastwatch.tracks.radar.plot_association import LOOKS, PlotAssociation
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
 ELLIPSE = 4.0  # squared distance of the ellipse that people see: two standard deviations
 LEAST_SHARE = 0.01  # probability of a leaf that widens the covariance of its track
 
 
-class MultiHypothesis(Settings):
+class MultiHypothesis(PlotAssociation):
     """Each track keeps several ways to give it the plots of the last looks. The cheapest choice over all tracks is reported.
 
     Source: E. Liland, AIS aided multi hypothesis tracker, NTNU 2017; with probabilities of existence as `jipda` has them.
     """
 
     upkeep: ClassVar[str] = "existence"
-    by_radar: ClassVar[bool] = True
+    banks: ClassVar[tuple[str, ...]] = ("compiled",)
+    messages: ClassVar[tuple[str, ...]] = ("sequential", "guiding", "none")
     method: Literal["multi_hypothesis"] = "multi_hypothesis"
     window: Annotated[int, Field(ge=1, le=12)] = 3  # looks of a track, after which the choice of a plot is final
     leaves: Annotated[int, Field(ge=1, le=500)] = 20  # of a track, at most
@@ -96,14 +99,22 @@ class MultiHypothesis(Settings):
         existence[plots[1] > OWNED] = 0.0
         return _begin(parts, replace(memory, forest=forest), existence, batch), taken
 
-    def take_messages(self, parts: Parts, rules: Sequential, memory: RadarMemory, messages: Messages) -> RadarMemory:
-        """The memory after these messages, each at its own time, those without a common track together. Args: messages: sorted by time."""
+    def take_messages(
+        self, parts: Parts, rules: WithMessages, memory: RadarMemory, messages: Messages, until_s: float
+    ) -> RadarMemory:
+        """The memory after these messages, each at its own time, those without a common track together."""
         for some in rounds(parts, rules, memory.table, messages):
             memory = take_round(self._pruning, parts, rules, memory, some)
         return memory
 
-    def begin_again(self, memory: RadarMemory, slots: Ints) -> RadarMemory:
-        """The memory with one leaf for each of these tracks, which is their row of the table. What they had is decided as it is."""
+    def leave_messages(
+        self, parts: Parts, rules: WithMessages, memory: RadarMemory, since_s: float, time_s: float
+    ) -> RadarMemory:
+        """The memory after tracks have left messages that contradict their plots.
+
+        Each begins again with one leaf, which is its row of the table. What it had is decided as it is.
+        """
+        slots = leave(rules, parts, memory, since_s, time_s, max(LOOKS, self.window))  # the last looks are not decided yet
         if not len(slots):
             return memory
         forest, table = forest_of(memory, self.window), memory.table
@@ -115,11 +126,9 @@ class MultiHypothesis(Settings):
     def _pruning(self) -> Pruning:
         return Pruning(self.window, self.leaves, self.score_gap, self.price_rounds, self.search_nodes)
 
-    def end_slice(
-        self, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars, time_s: float
-    ) -> RadarMemory:
+    def end_slice(self, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, time_s: float) -> RadarMemory:
         """Count the looks that gave a tree no plot, confirm and delete tracks. Args: as of `ExistenceManagement.end_slice`."""
-        forest, table, rules = forest_of(memory, self.window), memory.table, parts.existence
+        forest, table, rules, every = forest_of(memory, self.window), memory.table, parts.existence, parts.sensors.radars
         detection, missed = rules.by_number(memory.rates, every)[0].probability, kernels.tracks.hypothesis_trees.miss_looks
         touched = np.zeros(len(table.track_id), np.bool_)
         for place, radar in enumerate(ours.tolist()):
