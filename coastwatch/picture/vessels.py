@@ -9,7 +9,6 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import Array, Flag, Floats, FusedTracks, HeldVessels, Ints, Picture, Rows, Tracks
-from coastwatch.geodesy import offset_deg
 from coastwatch.kernels.threads import in_blocks
 
 Groups = tuple[Rows, Rows]
@@ -138,21 +137,15 @@ def predict(vessels: Picture, time_s: float, drift_m_s15: float) -> Picture:
     """Vessels without tracks at a later time: straight motion with white acceleration, flagged as coasting.
 
     Args: drift_m_s15: root of the density of the acceleration noise.
-    Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, eq. 6.2.2-13.
     """
-    dt = time_s - vessels.time_s
-    t, noise = dt[:, None, None], drift_m_s15**2 * np.eye(2)
-    p = vessels.covariance
-    cross, velocity = p[:, :2, 2:], p[:, 2:, 2:]
-    covariance = np.empty_like(p)
-    covariance[:, :2, :2] = p[:, :2, :2] + t * (cross + p[:, 2:, :2]) + t**2 * velocity + t**3 / 3.0 * noise
-    covariance[:, :2, 2:] = cross + t * velocity + t**2 / 2.0 * noise
-    covariance[:, 2:, :2] = p[:, 2:, :2] + t * velocity + t**2 / 2.0 * noise
-    covariance[:, 2:, 2:] = velocity + t * noise
+    position, covariance = np.empty_like(vessels.position_deg), np.empty_like(vessels.covariance)
+    states = vessels.position_deg, vessels.velocity_m_s, vessels.covariance
+    advance = kernels.fusion.alignment.advance
+    in_blocks(advance, len(vessels), time_s - vessels.time_s, states, drift_m_s15**2, position, covariance)
     return replace(
         vessels,
         time_s=np.full(len(vessels), float(time_s)),
-        position_deg=offset_deg(vessels.position_deg, vessels.velocity_m_s * dt[:, None]),
+        position_deg=position,
         covariance=covariance,
         flags=np.full(len(vessels), int(Flag.COASTING), np.int64),
     )
