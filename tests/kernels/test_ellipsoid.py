@@ -12,6 +12,7 @@ pytestmark = pytest.mark.oracle
 
 POSITION_M = 1e-5  # rounding of Earth-centred coordinates (1e-9) grows by the cosecant of the slope near the poles
 ROUNDING_M = 1e-8
+TURN = 1e-9  # a radian of longitude at 89 degrees is 110 km: POSITION_M is 1e-10 of it
 OFFSET_M = 1e-6  # what two rounds of the inverse leave at 100 km
 LATITUDE, LONGITUDE, NEAR = st.floats(-89.0, 89.0), st.floats(-180.0, 180.0), st.floats(-40e3, 40e3)
 
@@ -30,12 +31,22 @@ def test_earth_centred_points_of_many_rows():
 @given(LATITUDE, LONGITUDE, NEAR, NEAR)
 def test_plane_and_back(lat, lon, east, north):
     anchor = np.array([lat, lon])
-    there = ellipsoid.from_enu(east, north, lat, lon)
+    *there, turn = ellipsoid.from_plane(east, north, ellipsoid.ecef_and_axes(lat, lon))
     expected = geodesy.from_plane(np.array([east, north]), anchor)
     assert np.hypot(*geodesy.difference_m(np.array(there), expected)) < POSITION_M
     back = ellipsoid.to_enu(*there, lat, lon)
     assert np.hypot(back[0] - east, back[1] - north) < POSITION_M
     assert np.abs(np.array(back[:2]) - geodesy.to_plane(np.array(there), anchor)).max() < POSITION_M
+    assert np.abs(np.reshape(turn, (2, 2)) - geodesy.turn(anchor, np.array(there))).max() < TURN
+
+
+@pytest.mark.parametrize("pole", [90.0, -90.0])
+def test_a_point_at_a_pole_has_a_longitude(pole):
+    """The axis of the Earth is hit exactly: no longitude can be divided out."""
+    frame = (0.0, 0.0, *ellipsoid.ecef_and_axes(pole, 0.0)[2:4], 0.0, 0.0, 1.0)
+    lat, lon, turn = ellipsoid.from_plane(0.0, 0.0, frame)
+    assert (lat, lon) == (pole, 0.0)
+    np.testing.assert_allclose(np.reshape(turn, (2, 2)), np.eye(2), rtol=0.0, atol=1e-15)
 
 
 @given(st.floats(-85.0, 85.0), LONGITUDE, st.floats(-70e3, 70e3), st.floats(-70e3, 70e3))

@@ -19,7 +19,7 @@ from coastwatch.kernels.filters.ais_plausibility import (
 )
 from coastwatch.kernels.filters.ais_records import CROWDED, DOUBTED, IMPOSSIBLE, REPEAT, TAKEN, mean_of
 from coastwatch.kernels.filters.kalman import EAST, EAST_RATE, MANOEUVRE, NORTH, NORTH_RATE, SIZE
-from coastwatch.kernels.geometry.ellipsoid import enu_rotation, from_enu, to_enu
+from coastwatch.kernels.geometry.ellipsoid import ecef_and_axes, enu_rotation, from_plane, to_enu
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tables.copies import copy_into
 
@@ -226,9 +226,7 @@ def _move_anchor(track, rules, models):  # type: ignore[no-untyped-def]
     east, north = mean_of(track, EAST), mean_of(track, NORTH)
     if east * east + north * north < rules.reach * rules.reach:
         return
-    lat, lon = from_enu(east, north, track.anchor_lat, track.anchor_lon)
-    turn = enu_rotation(track.anchor_lat, track.anchor_lon, lat, lon)
-    track.anchor_lat, track.anchor_lon = lat, lon
+    track.anchor_lat, track.anchor_lon, turn = from_plane(east, north, ecef_and_axes(track.anchor_lat, track.anchor_lon))
     for j in range(len(models)):
         track.state[j, EAST] -= east
         track.state[j, NORTH] -= north
@@ -297,9 +295,9 @@ def estimates(tracks, rows, time, rules, models):  # type: ignore[no-untyped-def
         dt, drift_variance = _drift(track, time - track.updated, rules)
         imm.predict_filter(state, spreads, mode, models, dt, math.inf, work)
         imm.moments(state, spreads, mode, mean, spread)
-        lat, lon = from_enu(mean[EAST], mean[NORTH], track.anchor_lat, track.anchor_lon)
-        rotate(mean, spread, enu_rotation(track.anchor_lat, track.anchor_lon, lat, lon))
-        position[n, 0], position[n, 1] = lat, lon
+        frame = ecef_and_axes(track.anchor_lat, track.anchor_lon)
+        position[n, 0], position[n, 1], turn = from_plane(mean[EAST], mean[NORTH], frame)
+        rotate(mean, spread, turn)
         velocity[n, 0], velocity[n, 1] = mean[EAST_RATE], mean[NORTH_RATE]
         copy_into(covariance[n], spread[:4, :4])
         covariance[n, 0, 0] += drift_variance

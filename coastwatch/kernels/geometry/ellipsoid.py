@@ -105,21 +105,31 @@ def to_enu(lat, lon, anchor_lat, anchor_lon):  # type: ignore[no-untyped-def]
 
 
 @jit
-def from_enu(east, north, anchor_lat, anchor_lon):  # type: ignore[no-untyped-def]
-    """Latitude and longitude of a point of the plane, dropped to the ellipsoid: the inverse of `to_enu`."""
-    ax, ay, az, sin_lat, cos_lat, sin_lon, cos_lon = ecef_and_axes(anchor_lat, anchor_lon)
-    x = ax - sin_lon * east - sin_lat * cos_lon * north
-    y = ay + cos_lon * east - sin_lat * sin_lon * north
-    z = az + cos_lat * north
+def from_plane(east, north, frame):  # type: ignore[no-untyped-def]
+    """Latitude and longitude of a point of the plane, dropped to the ellipsoid, and the matrix to east and north there, row by row.
+
+    The inverse of `to_enu`. The matrix is `enu_rotation` of the anchor in the plane at the point. At a pole the longitude is 0.
+    Args: frame: `ecef_and_axes` of the anchor.
+    """
+    ax, ay, az, sin_lat, cos_lat, sin_lon, cos_lon = frame
     ux, uy, uz = cos_lat * cos_lon, cos_lat * sin_lon, sin_lat
+    nx, ny, nz = -sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat
+    x, y, z = ax - sin_lon * east + nx * north, ay + cos_lon * east + ny * north, az + nz * north
     # the root near 0 of |p + up u|^2 = a^2, in coordinates in which the ellipsoid is a sphere
     square = ux * ux + uy * uy + POLAR_STRETCH * uz * uz
     half = x * ux + y * uy + POLAR_STRETCH * z * uz
     level = x * x + y * y + POLAR_STRETCH * z * z - SEMI_MAJOR * SEMI_MAJOR
     up = -level / (half + math.sqrt(half * half - square * level))
-    px, py, pz = x + up * ux, y + up * uy, z + up * uz
-    lat = math.atan2(pz, (1.0 - ECCENTRICITY2) * math.sqrt(px * px + py * py)) / DEGREE
-    return lat, math.atan2(py, px) / DEGREE
+    x, y, z = x + up * ux, y + up * uy, (z + up * uz) / (1.0 - ECCENTRICITY2)  # along the normal of the ellipsoid there
+    outward = math.sqrt(x * x + y * y)
+    normal = math.sqrt(outward * outward + z * z)
+    sin_here, cos_here, sin_lon_here, cos_lon_here, longitude = z / normal, outward / normal, 0.0, 1.0, 0.0
+    if outward > 0.0:
+        sin_lon_here, cos_lon_here, longitude = y / outward, x / outward, math.atan2(y, x) / DEGREE
+    hx, hy, hz = -sin_here * cos_lon_here, -sin_here * sin_lon_here, cos_here  # north there
+    ee, en = sin_lon_here * sin_lon + cos_lon_here * cos_lon, cos_lon_here * ny - sin_lon_here * nx
+    ne, nn = hy * cos_lon - hx * sin_lon, hx * nx + hy * ny + hz * nz
+    return math.atan2(z, outward) / DEGREE, longitude, (ee, en, ne, nn)
 
 
 @jit

@@ -8,34 +8,8 @@ import math
 
 import numpy as np
 
-from coastwatch.geodesy import ECCENTRICITY2
-from coastwatch.kernels.geometry.ellipsoid import DEGREE, POLAR_STRETCH, SEMI_MAJOR, ecef_and_axes
+from coastwatch.kernels.geometry.ellipsoid import ecef_and_axes, from_plane
 from coastwatch.kernels.jit import jit
-
-
-@jit
-def _from_plane(east, north, frame):  # type: ignore[no-untyped-def]
-    """Latitude and longitude of a point of the plane, and the matrix, row by row, from components in the plane to east and north there.
-
-    Args: frame: `ecef_and_axes` of the origin of the plane.
-    """
-    ax, ay, az, sin_lat, cos_lat, sin_lon, cos_lon = frame
-    ux, uy, uz = cos_lat * cos_lon, cos_lat * sin_lon, sin_lat
-    nx, ny, nz = -sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat
-    x, y, z = ax - sin_lon * east + nx * north, ay + cos_lon * east + ny * north, az + nz * north
-    # the root near 0 of |p + up u|^2 = a^2, in coordinates in which the ellipsoid is a sphere
-    square = ux * ux + uy * uy + POLAR_STRETCH * uz * uz
-    half = x * ux + y * uy + POLAR_STRETCH * z * uz
-    level = x * x + y * y + POLAR_STRETCH * z * z - SEMI_MAJOR * SEMI_MAJOR
-    up = -level / (half + math.sqrt(half * half - square * level))
-    x, y, z = x + up * ux, y + up * uy, (z + up * uz) / (1.0 - ECCENTRICITY2)  # along the normal of the ellipsoid there
-    outward = math.sqrt(x * x + y * y)
-    normal = math.sqrt(outward * outward + z * z)
-    sin_here, cos_here, sin_lon_here, cos_lon_here = z / normal, outward / normal, y / outward, x / outward
-    hx, hy, hz = -sin_here * cos_lon_here, -sin_here * sin_lon_here, cos_here  # north there
-    ee, en = sin_lon_here * sin_lon + cos_lon_here * cos_lon, cos_lon_here * ny - sin_lon_here * nx
-    ne, nn = hy * cos_lon - hx * sin_lon, hx * nx + hy * ny + hz * nz
-    return math.atan2(z, outward) / DEGREE, math.atan2(y, x) / DEGREE, (ee, en, ne, nn)
 
 
 @jit
@@ -58,7 +32,7 @@ def geodetic_points(position, covariance, latitude, longitude):  # type: ignore[
     """
     frame, degrees, turned = ecef_and_axes(latitude, longitude), np.empty((len(position), 2)), np.empty((len(position), 2, 2))
     for m in range(len(position)):
-        degrees[m, 0], degrees[m, 1], turn = _from_plane(position[m, 0], position[m, 1], frame)
+        degrees[m, 0], degrees[m, 1], turn = from_plane(position[m, 0], position[m, 1], frame)
         _rotate_block(covariance[m], turn, turned[m])
     return degrees, turned
 
@@ -72,7 +46,7 @@ def geodetic_tracks(mean, covariance, latitude, longitude):  # type: ignore[no-u
     frame = ecef_and_axes(latitude, longitude)
     degrees, velocity, turned = np.empty((len(mean), 2)), np.empty((len(mean), 2)), np.empty((len(mean), 4, 4))
     for n in range(len(mean)):
-        degrees[n, 0], degrees[n, 1], turn = _from_plane(mean[n, 0], mean[n, 1], frame)
+        degrees[n, 0], degrees[n, 1], turn = from_plane(mean[n, 0], mean[n, 1], frame)
         velocity[n, 0] = turn[0] * mean[n, 2] + turn[1] * mean[n, 3]
         velocity[n, 1] = turn[2] * mean[n, 2] + turn[3] * mean[n, 3]
         for a in (0, 2):
