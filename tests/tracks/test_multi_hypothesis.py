@@ -235,7 +235,9 @@ def test_bad_settings_are_refused_with_their_path():
     chosen = {"tracks.method": "multi_hypothesis", "tracks.association.window": "0"}
     with pytest.raises(ScenarioError, match=r"tracks\.association"):
         load_scenario("context-driven-100", chosen)
-    with pytest.raises(ValidationError, match=r"messages\.method: got 'noisy_batch', needed 'sequential' or 'guiding' or 'none'"):
+    with pytest.raises(
+        ValidationError, match=r"messages\.method: got 'noisy_batch', needed 'sequential' or 'guiding' or 'none'"
+    ):
         TableTracker(method="multi_hypothesis", messages={"method": "noisy_batch"})
     with pytest.raises(ValidationError, match=r"bank\.method: got 'particles', needed 'compiled'"):
         TableTracker(method="multi_hypothesis", bank={"method": "particles"})
