@@ -180,15 +180,14 @@ def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: Plot
     return replace(memory, table=table, next_id=memory.next_id + len(plots), plots_alone=alone)
 
 
-def gated(parts: Parts, table: Table, batch: PlotColumns, widened: float = 1.0, slots: Ints | None = None) -> Candidates:
-    """The plots or messages in the gates of the tracks in these slots; of all without any.
+def lively_candidates(parts: Parts, estimates: Estimates, rows: Ints, batch: PlotColumns, widened: float = 1.0) -> Candidates:
+    """The plots or messages in the gates of these rows of estimates, each gate as wide as by the liveliest model.
 
-    A gate is as wide as by the liveliest model: the average of the models would lose vessels that manoeuvre while they are missed.
+    The average of the models would lose vessels that manoeuvre while they are missed. Args: widened: factor of the squared distance.
     """
-    rules, estimates = parts.existence, table.estimates
-    limit, rows = widened * gate(rules.gate_probability, 2), table.live if slots is None else slots
     lively = estimates._replace(noise=np.full(len(estimates.noise), parts.bank.models["noise"].max()))
-    pairs: Candidates = kernels.tracks.gate.candidates(lively, rows, batch, limit, rules.late_s)
+    limit = widened * gate(parts.upkeep.gate_probability, 2)
+    pairs: Candidates = kernels.tracks.gate.candidates(lively, rows, batch, limit, parts.upkeep.late_s)
     return pairs
 
 
@@ -201,8 +200,8 @@ def gated_by_plots(parts: Parts, table: Table, batch: PlotColumns) -> tuple[Cand
     added = np.where(np.isfinite(table.message_s), parts.registration, 0.0)
     guided = added[table.live] > 0.0
     if not guided.any():
-        return gated(parts, table, batch), added
+        return lively_candidates(parts, table.estimates, table.live, batch), added
     wider = batch._replace(covariance=(1.0 + parts.registration) * batch.covariance)
-    near = gated(parts, table, batch, slots=table.live[~guided])
-    near_guided = gated(parts, table, wider, slots=table.live[guided])
+    near = lively_candidates(parts, table.estimates, table.live[~guided], batch)
+    near_guided = lively_candidates(parts, table.estimates, table.live[guided], wider)
     return Candidates(*(np.concatenate(columns) for columns in zip(near, near_guided, strict=True))), added

@@ -13,12 +13,11 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
-from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.stage import Probability
 from coastwatch.tracks.radar.association.nearest_neighbour import associate, update_by_single_plots
 from coastwatch.tracks.radar.life.hits import remove_duplicates
-from coastwatch.tracks.radar.parts import Parts, begin_tracks
+from coastwatch.tracks.radar.parts import Parts, begin_tracks, lively_candidates
 from coastwatch.tracks.radar.plot_association import PlotAssociation
 from coastwatch.tracks.radar.table import RadarMemory, Status
 
@@ -65,9 +64,7 @@ class Jpda(PlotAssociation):
         table, rules, radar, count = memory.table, parts.hits, int(batch.sensor[0]), len(batch.time)
         period_s, detection = float(parts.sensors.radars.period_s[radar]), rules.detection_probability
         confirmed = table.live[table.status[table.live] == Status.CONFIRMED]
-        lively = table.estimates._replace(noise=np.full(len(table.track_id), parts.bank.models["noise"].max()))
-        limit = gate(rules.gate_probability, 2)
-        pairs = kernels.tracks.gate.candidates(lively, confirmed, batch, limit, rules.late_s)
+        pairs = lively_candidates(parts, table.estimates, confirmed, batch)
         due = batch.time[pairs.plot] - table.radar_s[pairs.track, radar] > 0.5 * period_s  # it took no plot in this look
         hypotheses = parts.joint.predict_to_plots(table, Candidates(*(column[due] for column in pairs)), batch)
         plot, of, tracks = hypotheses.plot, hypotheses.track, hypotheses.slot

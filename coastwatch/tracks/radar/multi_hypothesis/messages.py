@@ -15,7 +15,7 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Messages
 from coastwatch.batches.ais_codes import is_vessel
-from coastwatch.kernels.filters.gaussian import Estimates, gate
+from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.kernels.tracks.columns import ExistenceColumns
 from coastwatch.kernels.tracks.existence import SURELY
@@ -43,7 +43,7 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     with_roots,
     write_chosen,
 )
-from coastwatch.tracks.radar.parts import Parts
+from coastwatch.tracks.radar.parts import Parts, lively_candidates
 from coastwatch.tracks.radar.table import RadarMemory, Table
 
 SENDS = math.log(2.0)  # cost of an MMSI that a leaf takes: half of the vessels send none
@@ -108,10 +108,8 @@ def take_round(pruning: Pruning, parts: Parts, rules: MessageSettings, memory: R
 
 def _heard(parts: Parts, rules: MessageSettings, leaves: Leaves, messages: Messages) -> Heard:
     """The messages in the gate of any model of each leaf."""
-    batch, lively = columns_of(messages), np.full(len(leaves), parts.bank.models["noise"].max())
-    limit, every = COARSE * gate(parts.existence.gate_probability, 2), np.flatnonzero(leaves.slot >= 0)
-    estimates = leaves.estimates._replace(noise=lively)
-    pairs = kernels.tracks.gate.candidates(estimates, every, batch, limit, parts.existence.late_s)
+    batch = columns_of(messages)
+    pairs = lively_candidates(parts, leaves.estimates, np.flatnonzero(leaves.slot >= 0), batch, COARSE)
     by_leaf = np.argsort(pairs.track, kind="stable")
     leaf, message = pairs.track[by_leaf], pairs.plot[by_leaf]
     since = batch.time[message] - leaves.updated_s[leaf]

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Messages
-from coastwatch.kernels.filters.gaussian import Estimates, gate, squared_distance
+from coastwatch.kernels.filters.gaussian import Estimates, squared_distance
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
 from coastwatch.kernels.tracks.hypothesis_trees import Look
 from coastwatch.kernels.tracks.tree_rows import TreeRows
@@ -36,7 +36,7 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     without_ended,
     write_chosen,
 )
-from coastwatch.tracks.radar.parts import Parts, begin_tracks, false_plots_at, learn_turn
+from coastwatch.tracks.radar.parts import Parts, begin_tracks, false_plots_at, learn_turn, lively_candidates
 from coastwatch.tracks.radar.plot_association import LOOKS, PlotAssociation
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
@@ -190,9 +190,7 @@ def _grown(
     """
     status, most, gap = bounds
     leaves, rules = forest.leaves, parts.existence
-    lively = np.full(len(leaves), parts.bank.models["noise"].max())
-    limit, every = gate(rules.gate_probability, 2), np.flatnonzero(leaves.slot >= 0)
-    pairs = kernels.tracks.gate.candidates(leaves.estimates._replace(noise=lively), every, batch, limit, rules.late_s)
+    pairs = lively_candidates(parts, leaves.estimates, np.flatnonzero(leaves.slot >= 0), batch)
     of_tree = leaves.slot[pairs.track]
     other = np.full(len(batch.time), -1)
     other[pairs.plot] = of_tree
