@@ -11,13 +11,14 @@ from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Sensors
 from coastwatch.kernels.arrays import Records
 from coastwatch.kernels.filters.gaussian import Estimates, gate
-from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
+from coastwatch.kernels.tracks.columns import Candidates, PlotColumns, RadarColumns
 from coastwatch.kernels.tracks.existence import EXISTS
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import ExistenceManagement, TrackManagement
 from coastwatch.tracks.radar.local_bursts import local_burst_per_m2
 from coastwatch.tracks.radar.motion import Filters, Prior
+from coastwatch.tracks.radar.report import radars_of
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
 LOCAL_TURNS = 20.0  # of a radar before it has local bursts: by then vessels have tracks, and standing echoes a clutter map
@@ -94,7 +95,17 @@ class Parts:
     upkeep: TrackManagement | ExistenceManagement
     clutter: ClutterSettings
     sensors: Sensors
+    region: int  # its number
     registration: float = 0.0  # share of a plot's covariance that is added for a track that AIS messages guide
+
+    @property
+    def ours(self) -> Ints:
+        """The radars of the region, as rows of all. (R,)"""
+        return np.flatnonzero(self.sensors.radars.region == self.region)
+
+    def radars(self, memory: RadarMemory) -> RadarColumns:
+        """The radars of the region, as they are now."""
+        return radars_of(self.sensors, self.region, memory.site_m, memory.newest_plot_s)
 
     @property
     def single(self) -> SingleUpdates:

@@ -8,7 +8,6 @@ import numpy as np
 
 from coastwatch.batches import Floats, Ints, Messages
 from coastwatch.kernels.filters.gaussian import Estimates
-from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.stage import Settings
 from coastwatch.tracks.radar.messages import WithMessages, leave
 from coastwatch.tracks.radar.parts import Parts
@@ -42,9 +41,9 @@ class PlotAssociation(Settings):
         leave(rules, parts, memory, since_s, time_s, LOOKS)
         return memory
 
-    def end_slice(self, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, time_s: float) -> RadarMemory:
-        """The memory after the looks that are over. Args: as of `TrackManagement.end_slice`."""
-        return parts.upkeep.end_slice(memory, radars, ours, parts.sensors.radars, time_s)
+    def end_slice(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
+        """The memory after the looks that are over. Args: time_s: of the newest plot, or now."""
+        return parts.upkeep.end_slice(memory, parts.radars(memory), parts.ours, parts.sensors.radars, time_s)
 
     def predict(self, parts: Parts, memory: RadarMemory, slots: Ints, time_s: float) -> tuple[Estimates, Floats]:
         """The tracks in these slots (N), predicted to a time, and how far from there another likely place is, m; none: each is sure."""

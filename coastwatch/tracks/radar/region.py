@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from coastwatch.batches import (
     Unproven,
 )
 from coastwatch.kernels.filters.gaussian import Estimates
-from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
+from coastwatch.kernels.tracks.columns import PlotColumns
 from coastwatch.stage import Method
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.association import AnyAssociation
@@ -41,15 +41,13 @@ from coastwatch.tracks.radar.extent import (
 )
 from coastwatch.tracks.radar.life.existence import KNOWN
 from coastwatch.tracks.radar.messages import (
-    Guiding,
-    NoMessages,
     WithMessages,
     begin_unnamed,
     in_order,
     trusted,
 )
 from coastwatch.tracks.radar.parts import Parts
-from coastwatch.tracks.radar.report import Reported, radars_of, report, report_decided, report_measurements
+from coastwatch.tracks.radar.report import Reported, report, report_decided, report_measurements
 from coastwatch.tracks.radar.table import RadarMemory
 
 NOTHING_DECIDED = DecidedPath.empty()
@@ -156,13 +154,6 @@ class _MessagesInTurn:
     messages: Messages  # sorted by time
     done: int = 0
 
-    @classmethod
-    def of(
-        cls, association: AnyAssociation, rules: NoMessages | WithMessages, parts: Parts, heard: Messages, memory: RadarMemory
-    ) -> Self | None:
-        """Nothing taken yet; none where the tracker takes no messages. Args: heard: in any order."""
-        return None if isinstance(rules, NoMessages) else cls(association, rules, in_order(rules, parts, heard, memory))
-
     def take(self, parts: Parts, memory: RadarMemory, until_s: float) -> RadarMemory:
         """The memory after the messages up to a time that were not taken before."""
         end = int(np.searchsorted(self.messages.time_s, until_s, side="right"))
@@ -175,7 +166,7 @@ class _MessagesInTurn:
 
 def update_region(
     association: AnyAssociation,
-    messages: NoMessages | WithMessages,
+    rules: WithMessages | None,
     parts: Parts,
     memory: RadarMemory,
     given: RegionInput,
@@ -183,77 +174,79 @@ def update_region(
 ) -> tuple[RadarMemory, RegionOutput]:
     """The memory and the tracks after the plots and messages of a cycle. It consumes the memory.
 
-    Args: tested: tracks leave messages that contradict their plots.
+    Args: rules: of messages, none: it takes none; tested: tracks leave messages that contradict their plots.
     """
-    plots, heard, jumped, time_s, sensors, region, _ = given
-    upkeep, bank, origin_deg = parts.upkeep, parts.bank, sensors.region_origin_deg[region]
-    memory = memory.without_radars(jumped).fitting(len(bank.models), len(sensors.radars))
-    if tested and not isinstance(messages, NoMessages):
-        memory = memory.with_plots_alone(len(bank.models))
-        heard = trusted(messages, memory, heard, time_s)
-    queue = _MessagesInTurn.of(association, messages, parts, heard, memory)
+    heard, time_s, sensors, region, models = given.messages, given.time_s, given.sensors, given.region, len(parts.bank.models)
+    memory = memory.without_radars(given.jumped).fitting(models, len(sensors.radars))
+    if rules and tested:
+        memory = memory.with_plots_alone(models)
+        heard = trusted(rules, memory, heard, time_s)
+    queue = _MessagesInTurn(association, rules, in_order(rules, parts, heard, memory)) if rules else None
     memory = memory.with_clutter_map(parts.clutter, sensors.radars)
-    good = is_usable(plots, time_s, upkeep.ahead_s)
-    plots = plots if good.all() else plots.take(good)
-    if not np.isnan(plots.extent[:, 0]).all():  # pieces inside the hull of a confirmed track of known length are one plot
-        plots = joined(plots, _hulls(parts, memory, time_s, LEAST_PLOTS)[1], sensors.radars.period_s)
-    if upkeep.echo_sigma_m > 0.0:
-        plots = replace(plots, covariance=plots.covariance + upkeep.echo_sigma_m**2 * np.eye(2))
-    ours = np.flatnonzero(sensors.radars.region == region)
-    slice_s = min(upkeep.slice_s, 0.5 * float(sensors.radars.period_s[ours].min(initial=np.inf)))
+    usable = is_usable(given.plots, time_s, parts.upkeep.ahead_s)
+    plots = _as_measured(parts, memory, given.plots if usable.all() else given.plots.take(usable), time_s)
+    slice_s = min(parts.upkeep.slice_s, 0.5 * float(sensors.radars.period_s[parts.ours].min(initial=np.inf)))
     plots, batches = cut(plots, slice_s, association.by_radar)
     taken = np.full(len(plots), -1)
     for batch in batches:
-        of, site_m = batch.columns.sensor, plots.site_m[batch.first :][: len(batch.columns.sensor)]
-        newest = batch.columns.time >= memory.newest_plot_s[of]  # a late plot does not move the site back
-        memory.site_m[of[newest]] = site_m[newest]
-        np.maximum.at(memory.newest_plot_s, of, batch.columns.time)
+        columns, rows = batch.columns, slice(batch.first, batch.first + len(batch.columns.time))
+        _note_sites(memory, columns, plots.site_m[rows])
         if queue:
-            memory = queue.take(parts, memory, float(batch.columns.time[0]))
+            memory = queue.take(parts, memory, float(columns.time[0]))
         before = len(memory.table)
-        memory, slot = association.track_batch(parts, memory, batch.columns)
-        if queue:
-            begin_unnamed(queue.rules, memory.table, memory.table.live[before:])
+        memory, slot = association.track_batch(parts, memory, columns)
+        if rules:
+            begin_unnamed(rules, memory.table, memory.table.live[before:])
         got = np.flatnonzero(slot >= 0)
-        taken[batch.first + got] = memory.table.track_id[slot[got]]
-        averaged(memory.table.extent, memory.table.extent_plots, slot[got], plots.extent[batch.first + got])
+        taken[rows][got] = memory.table.track_id[slot[got]]
+        averaged(memory.table.extent, memory.table.extent_plots, slot[got], plots.extent[rows][got])
         if batch.ends_slice:
-            radars = radars_of(sensors, region, memory.site_m, memory.newest_plot_s)
-            memory = association.end_slice(parts, memory, radars, ours, float(batch.columns.time[-1]))
+            memory = association.end_slice(parts, memory, float(columns.time[-1]))
     if queue:
         memory = queue.take(parts, memory, time_s)
-    radars = radars_of(sensors, region, memory.site_m, memory.newest_plot_s)
-    memory = association.end_slice(parts, memory, radars, ours, time_s)
+    memory = association.end_slice(parts, memory, time_s)
     memory = _with_whole_ships(parts, association.end_cycle(parts, memory, time_s), time_s)
-    if tested and not isinstance(messages, NoMessages):
-        oldest_s = float(heard.time_s.min(initial=np.inf))
-        memory = association.leave_messages(parts, messages, memory, oldest_s, time_s)
-    tracks = _shown_tracks(association, isinstance(messages, Guiding), tested, parts, memory, radars, given)
+    if rules and tested:
+        memory = association.leave_messages(parts, rules, memory, float(heard.time_s.min(initial=np.inf)), time_s)
+    tracks = _shown_tracks(association, rules, parts, memory, time_s, tested)
     found = RegionOutput(
         tracks=tracks,
         measurements=report_measurements(tracks, taken, plots, sensors, region),
-        standing_echoes=standing_echoes(parts.clutter, memory.clutter, sensors.radars, origin_deg),
-        dropped=int((~good).sum()),
+        standing_echoes=standing_echoes(parts.clutter, memory.clutter, sensors.radars, sensors.region_origin_deg[region]),
+        dropped=int((~usable).sum()),
         decided=report_decided(memory.forest.decided, sensors, region),
         unproven=memory.forest.unproven,
     )
     return memory.without_reported(), found
 
 
-def _shown_tracks(
-    association: AnyAssociation,
-    of_plots: bool,
-    seen: bool,
-    parts: Parts,
-    memory: RadarMemory,
-    radars: RadarColumns,
-    given: RegionInput,
-) -> Tracks:
-    """The tracks that are reported at the end of a cycle.
+def _as_measured(parts: Parts, memory: RadarMemory, plots: Plots, time_s: float) -> Plots:
+    """The plots as measurements of vessels: the pieces of a hull are one plot, and the echo is somewhere on the vessel.
 
-    Args: of_plots: by their plots alone, as messages guide the association; seen: those that a radar has seen lately.
+    A hull is that of a confirmed track of known length.
     """
-    table, time_s, sensors = memory.table, given.time_s, given.sensors
+    if not np.isnan(plots.extent[:, 0]).all():
+        plots = joined(plots, _hulls(parts, memory, time_s, LEAST_PLOTS)[1], parts.sensors.radars.period_s)
+    if parts.upkeep.echo_sigma_m > 0.0:
+        plots = replace(plots, covariance=plots.covariance + parts.upkeep.echo_sigma_m**2 * np.eye(2))
+    return plots
+
+
+def _note_sites(memory: RadarMemory, batch: PlotColumns, site_m: Floats) -> None:
+    """Note newest plot and site of the radars of a batch, in place. A late plot does not move the site back. Args: site_m: (M, 2)."""
+    newest = batch.time >= memory.newest_plot_s[batch.sensor]
+    memory.site_m[batch.sensor[newest]] = site_m[newest]
+    np.maximum.at(memory.newest_plot_s, batch.sensor, batch.time)
+
+
+def _shown_tracks(
+    association: AnyAssociation, rules: WithMessages | None, parts: Parts, memory: RadarMemory, time_s: float, seen: bool
+) -> Tracks:
+    """The tracks that are reported at the end of a cycle, by their plots alone where messages guide the association.
+
+    Args: seen: only those that a radar has seen lately.
+    """
+    table, sensors, of_plots = memory.table, parts.sensors, rules is not None and rules.guides
     rows = parts.upkeep.shown(table, time_s)
     if seen:
         rows = rows[plots_alone.seen(memory.plots_alone, table, parts, rows, time_s)]
@@ -277,7 +270,7 @@ def _shown_tracks(
         beam_m=beam_m,
         alternative_m=alternative_m,
     )
-    return report(now, reported, radars, time_s, sensors, given.region)
+    return report(now, reported, parts.radars(memory), time_s, sensors, parts.region)
 
 
 def _by_plots(parts: Parts, memory: RadarMemory, rows: Ints, time_s: float) -> Estimates:

@@ -97,5 +97,6 @@ class TableTracker(RadarMethod):
         Raises: ValueError where the memory is of a scenario with other radars.
         """
         registration = self.messages.registration if isinstance(self.messages, Guiding) else 0.0
-        parts = Parts(self.bank.of(self.motion), self.upkeep, self.clutter, given.sensors, registration)
-        return update_region(self.association, self.messages, parts, memory, given, self.tests_messages)
+        parts = Parts(self.bank.of(self.motion), self.upkeep, self.clutter, given.sensors, given.region, registration)
+        rules = None if isinstance(self.messages, NoMessages) else self.messages
+        return update_region(self.association, rules, parts, memory, given, self.tests_messages)

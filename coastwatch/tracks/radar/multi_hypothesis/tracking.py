@@ -126,9 +126,10 @@ class MultiHypothesis(PlotAssociation):
     def _pruning(self) -> Pruning:
         return Pruning(self.window, self.leaves, self.score_gap, self.price_rounds, self.search_nodes)
 
-    def end_slice(self, parts: Parts, memory: RadarMemory, radars: RadarColumns, ours: Ints, time_s: float) -> RadarMemory:
-        """Count the looks that gave a tree no plot, confirm and delete tracks. Args: as of `ExistenceManagement.end_slice`."""
-        forest, table, rules, every = forest_of(memory, self.window), memory.table, parts.existence, parts.sensors.radars
+    def end_slice(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
+        """Count the looks that gave a tree no plot, confirm and delete tracks. Args: time_s: of the newest plot, or now."""
+        forest, table, rules = forest_of(memory, self.window), memory.table, parts.existence
+        radars, ours, every = parts.radars(memory), parts.ours, parts.sensors.radars
         detection, missed = rules.by_number(memory.rates, every)[0].probability, kernels.tracks.hypothesis_trees.miss_looks
         touched = np.zeros(len(table.track_id), np.bool_)
         for place, radar in enumerate(ours.tolist()):
