@@ -1,8 +1,7 @@
 """Kernels: arithmetic on bare arrays in SI units and radians. Sub-packages load at first use."""
 
+import pkgutil
+
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    submodules=["association", "bearings", "filters", "fusion", "geometry", "identity", "tables", "threads", "tracks", "video"],
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, [module.name for module in pkgutil.iter_modules(__path__)])

@@ -1,15 +1,7 @@
 """Fusion: one estimate from several tracks, and their alignment in time. Modules load at first use: numba takes half a second."""
 
+import pkgutil
+
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    submodules=[
-        "alignment",
-        "convex_combination",
-        "covariance_intersection",
-        "cross_covariance",
-        "track_states",
-        "weighted_mean",
-    ],
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, [module.name for module in pkgutil.iter_modules(__path__)])

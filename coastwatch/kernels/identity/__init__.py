@@ -1,5 +1,7 @@
 """Identity: votes for a vessel, life cycle, columns of the picture. Modules load at first use: numba takes half a second."""
 
+import pkgutil
+
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submodules=["lifecycle", "match", "picture_columns"])
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, [module.name for module in pkgutil.iter_modules(__path__)])

@@ -1,5 +1,7 @@
 """Radar video: background, detection, connected echoes and their moments. Modules load at first use: numba takes half a second."""
 
+import pkgutil
+
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submodules=["background", "components", "spokes"])
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, [module.name for module in pkgutil.iter_modules(__path__)])
