@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple, Protocol, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -22,24 +22,6 @@ class Filters(NamedTuple):
     state: Floats  # (S, J, 5) m, m/s, rad/s or m/s2, in the region's plane
     covariance: Floats  # (S, J, 5, 5)
     mode_probability: Floats  # (S, J)
-
-
-class Prior(Protocol):
-    """The interface of the motion models: prior of the velocity, and the models as the kernels take them."""
-
-    @property
-    def start_speed_kn(self) -> float:
-        """Standard deviation of each velocity component before anything is known."""
-        ...
-
-    @property
-    def renewal_s(self) -> float:
-        """Mean time until a vessel draws a new motion from the prior; infinite: a Markov chain with a sojourn in each model."""
-        ...
-
-    def table(self) -> Records:
-        """The models as the kernels take them. (J,) coastwatch.kernels.filters.motion_models.MODEL"""
-        ...
 
 
 class Motion(Settings):
@@ -180,4 +162,5 @@ class Manoeuvres(Settings):
         return table
 
 
-MotionModels = Annotated[Manoeuvres | Motion, Field(discriminator="kind")]
+Prior = Manoeuvres | Motion
+MotionModels = Annotated[Prior, Field(discriminator="kind")]
