@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypedDict, cast
 
@@ -134,6 +134,36 @@ def opened(url: str, limit: QueryLimit | None = None) -> Store:
 def run(database: Store, run_id: int | None) -> Run:
     """The run with this number, or the latest. Raises: StoreError if there is none."""
     return store.run(database, store.latest_run(database) if run_id is None else run_id)
+
+
+def run_of_time(
+    database: Store, run_id: int | None, at_s: float | None = None, span_s: tuple[float | None, float | None] = (None, None)
+) -> tuple[Run, str]:
+    """The run to answer from, and a sentence where others of the same server hold the time, or part of it, too; else empty.
+
+    It is the one with this number; none: the newest of the server that holds the instant, or some of the span; else the latest.
+    Raises: StoreError if there is none.
+    """
+    if run_id is not None:
+        return run(database, run_id), ""
+    newest = store.latest_run(database)
+    if at_s is not None:
+        then = store.run_at(database, newest, at_s)
+        return run(database, then), "" if then == newest else f"this answer is of run {then}: run {newest} began later"
+    if span_s == (None, None):
+        return run(database, newest), ""
+    return run(database, (held := store.runs_between(database, newest, *span_s))[0]), of_other_runs(held, newest)
+
+
+def of_other_runs(held: Sequence[int], newest: int) -> str:
+    """A sentence where an answer from the first of some runs of a server is not all there is; else empty. Args: newest: run."""
+    parts = [] if held[0] == newest else [f"this answer is of run {held[0]}: run {newest} began later"]
+    if len(held) > 1:
+        runs, has = ("run", "has") if len(held) == 2 else ("runs", "have")
+        parts.append(
+            f"{runs} {', '.join(map(str, held[1:]))} of the same server {has} some of that time too: ask for a run by its number"
+        )
+    return "; ".join(parts)
 
 
 def runs(database: Store) -> Rows:

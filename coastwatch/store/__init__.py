@@ -39,6 +39,9 @@ from coastwatch.store.read.sensors import sensor_states as sensor_states
 from coastwatch.store.read.sensors import sensors as sensors
 from coastwatch.store.read.sensors import sources as sources
 from coastwatch.store.read.sensors import standing_echoes as standing_echoes
+from coastwatch.store.read.server_runs import first_instant as first_instant
+from coastwatch.store.read.server_runs import run_at as run_at
+from coastwatch.store.read.server_runs import runs_between as runs_between
 from coastwatch.store.recording import Recorded as Recorded
 from coastwatch.store.recording import replay as replay
 from coastwatch.store.rows import INSTANTS as INSTANTS

@@ -339,7 +339,7 @@ def test_health_metrics_and_lists(served: Served) -> None:
     clutter = served.get(f"/api/v1/sensors/{sensors['island']['number']}/cover?grid=clutter").json()["cells"]
     assert {cell["name"] for cell in clutter} == {"island"}
     assert served.get("/api/v1/runs").json()["runs"][0]["scenario"] == "sea"
-    assert served.get("/api/v1/alarms").json() == {"total": 0, "alarms": []}
+    assert served.get("/api/v1/alarms").json() == {"run": 1, "total": 0, "alarms": []}
     assert served.get("/api/v1/cycles").json()["last_utc"] == status["time_utc"]
     paths = served.get("/api/v1/openapi.json").json()["paths"]
     assert "/api/v1/picture" in paths

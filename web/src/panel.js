@@ -35,7 +35,8 @@ export class Panel {
   /** Fetches the vessel now and each ten seconds while it is selected. */
   async #load(id) {
     try {
-      const known = await getJson(`vessels/${id}`);
+      const { at } = this.app.replay; // a run of the past may have had another vessel of this number
+      const known = await getJson(`vessels/${id}${at === null ? '' : `?at=${new Date(at * 1000).toISOString()}`}`);
       if (this.app.state.selected !== id) return;
       this.known = known;
       this.app.details.set(id, { ...this.app.details.get(id), ...known });

@@ -15,9 +15,10 @@ from typing import Annotated
 from fastapi import APIRouter, HTTPException, Path, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
+from coastwatch import store
 from coastwatch.batches import ALARM_KINDS
 from coastwatch.batches.kinds import ZONE_KINDS
-from coastwatch.operators import export
+from coastwatch.operators import export, presentation
 from coastwatch.operators.api.answers import (
     REFUSALS,
     ROWS,
@@ -56,6 +57,7 @@ STOP_S = 0.5
 
 ALL_KINDS = "alarms"
 MOST_ZONE = 10**9
+LARGEST = 2**31 - 1
 
 router = APIRouter(prefix="/api/v1", responses=REFUSALS, route_class=CheckedRoute)
 
@@ -70,6 +72,7 @@ class ChosenAlarms(BaseModel):
     kind: Text = None
     start: Annotated[str | None, Field(alias="from", max_length=40)] = None
     end: Annotated[str | None, Field(alias="to", max_length=40)] = None
+    run: Annotated[int | None, Field(ge=1, le=LARGEST)] = None  # none: the newest of the server that holds the times
     limit: Limit = 1000
     offset: Offset = 0
 
@@ -78,15 +81,25 @@ class ChosenAlarms(BaseModel):
 def alarms(request: Request, service: In, form: As, chosen: Annotated[ChosenAlarms, Query()]) -> Response:
     """The alarms, the most urgent first, then the newest: distress, silent sensors, danger, others. `Link` has the next page.
 
-    An alarm is every flag but coasting and stationary, and every kind of `[alarms]`, from when until when it held.
+    An alarm is every flag but coasting and stationary, and every kind of `[alarms]`, from when until when it held. Times before
+    the run began are answered from the run of the server that holds them; `warning` says where others hold some of them too.
     """
     if chosen.kind is not None and chosen.kind not in (ALL_KINDS, *ALARM_KINDS):
         raise HTTPException(400, f"kind: got {chosen.kind!r}, needed one of {', '.join((ALL_KINDS, *ALARM_KINDS))}")
     kinds = ALARM_KINDS if chosen.kind in (None, ALL_KINDS) else (str(chosen.kind),)
     from_s, to_s = parsed_span(chosen.start, chosen.end)
-    rows, total = service.alarms(Asked(chosen.state, kinds, from_s, to_s, limit=chosen.limit, offset=chosen.offset))
+    run_id, warning = chosen.run or service.run_id(), ""
+    if run_id != service.run_id() and run_id not in store.runs(service.store).column("id"):
+        raise HTTPException(404, f"run: got {run_id}, needed one of /api/v1/runs")
+    if chosen.run is None and (from_s, to_s) != (None, None):
+        held = store.runs_between(service.store, run_id, from_s, to_s)
+        run_id, warning = held[0], presentation.of_other_runs(held, run_id)
+    rows, total = service.alarms(Asked(chosen.state, kinds, from_s, to_s, limit=chosen.limit, offset=chosen.offset), run_id)
     headers = page_headers(request, total, chosen.offset, chosen.limit)
-    return answer(rows, form, "alarms", {"total": total}, headers)
+    head: dict[str, object] = {"run": run_id, "total": total}
+    if warning:
+        head["warning"] = headers["X-Warning"] = warning
+    return answer(rows, form, "alarms", head, headers)
 
 
 class Acknowledged(BaseModel):

@@ -211,7 +211,9 @@ def picture(request: Request, service: In, form: As, chosen: Annotated[Chosen, Q
     vessels = selected(presentation.in_operator_units(page), (), None, _names(chosen.columns))
     head = {"run": shown.run_id, "cycle": shown.cycle, "time_utc": utc_text(shown.time_s), "total": len(rows)}
     headers = page_headers(request, len(rows), chosen.offset, chosen.limit) | ({"ETag": tag} if tag else {})
-    if at_s is not None and (warning := presentation.beyond_end(service.store, service.run_row(), at_s)):
+    if at_s is not None and (
+        warning := presentation.beyond_end(service.store, presentation.run(service.store, shown.run_id), at_s)
+    ):
         head["warning"] = headers["X-Warning"] = f"at: {warning}"
     return answer(vessels, form, "vessels", {**head, "offset": chosen.offset}, headers)
 
@@ -245,9 +247,9 @@ def vessels(
 
 
 @router.get("/vessels/{vessel_id}")
-def vessel(vessel_id: VesselId, service: In) -> dict[str, object]:
-    """One vessel with its tracks, events, associations and the newest points of its path."""
-    run_row, one = _vessel(service, vessel_id)
+def vessel(vessel_id: VesselId, service: In, at: Text = None) -> dict[str, object]:
+    """One vessel with its tracks, events, associations and the newest points of its path. `at`: of the run that has this instant."""
+    run_row, one = _vessel(service, vessel_id, parsed(utc, "at", at))
 
     def newest(rows: Rows) -> Rows:
         kept = rows.rows
@@ -268,7 +270,9 @@ def history(
 ) -> Response:  # fmt: skip
     """The newest points of a vessel's path between two instants, oldest first. `Link` has the page of those before them."""
     span_s = parsed_span(start, end)
-    return _between(request, _vessel(service, vessel_id)[1].tables["history"], form, ("history", vessel_id), span_s, limit)
+    return _between(
+        request, _vessel(service, vessel_id, span_s[0])[1].tables["history"], form, ("history", vessel_id), span_s, limit
+    )
 
 
 @router.get("/vessels/{vessel_id}/decided", responses=ROWS)
@@ -281,7 +285,8 @@ def decided(
 
     `Link` has the page of those before them.
     """
-    run_id, span_s = service.run_row()["id"], parsed_span(start, end)
+    span_s = parsed_span(start, end)
+    run_id = service.run_at(span_s[0])
     try:
         rows = presentation.decided_path(service.store, run_id, vessel_id)
     except NotThere as error:
@@ -363,14 +368,12 @@ def audit(request: Request, service: In, form: AsWithoutPositions, limit: Limit 
 
 @router.get("/cycles")
 def cycles(service: In) -> dict[str, object]:
-    """The span of time of which pictures can be asked for."""
+    """The span of time of which pictures can be asked for, from the oldest that this run or one of the server before it has."""
     run_row = service.run_row()
-    newest = store.newest_picture(service.store, run_row["id"])
-    first_s = run_row["start_s"] + run_row["period_s"]
-    span = (None, None) if newest is None else (utc_text(first_s), utc_text(newest[2]))
+    newest, first_s = store.newest_picture(service.store, run_row["id"]), store.first_instant(service.store, run_row["id"])
     return {
-        "first_utc": span[0],
-        "last_utc": span[1],
+        "first_utc": None if first_s is None else utc_text(first_s),
+        "last_utc": None if newest is None else utc_text(newest[2]),
         "period_s": run_row["period_s"],
         "cycles": run_row["cycles_stored"],
         "recorded": bool(run_row["settings"].get("store", {}).get("recording")),
@@ -415,11 +418,12 @@ def _next(request: Request, **parameters: object) -> str:
 def _picture_at(service: Service, at_s: float | None, area: Box | None) -> LivePicture:
     """The picture now, or of the last cycle up to an instant, with the time of that cycle: viewers move its vessels on from there.
 
+    An instant before the run began is answered from a run of the server before it, where one has it.
     Args: area: in a picture of the past, other vessels may be left out; that of now is whole.
     """
     if at_s is None:
         return service.picture()
-    run_id = service.run_id()
+    run_id = service.run_at(at_s)
     try:
         number, time_s = store.picture_cycle(service.store, run_id, at_s)
         return service.picture_of(run_id, number, time_s, area)
@@ -427,9 +431,9 @@ def _picture_at(service: Service, at_s: float | None, area: Box | None) -> LiveP
         raise HTTPException(404, f"at: {str(error).removeprefix(f'{service.store.where}: ')}") from error
 
 
-def _vessel(service: Service, vessel_id: int) -> tuple[presentation.Run, presentation.Vessel]:
-    """The run and one of its vessels. Raises: HTTPException where the run never had it."""
-    run_row = service.run_row()
+def _vessel(service: Service, vessel_id: int, at_s: float | None) -> tuple[presentation.Run, presentation.Vessel]:
+    """The run that has an instant, and one of its vessels; none: of now. Raises: HTTPException where the run never had it."""
+    run_row = service.run_row(at_s)
     try:
         return run_row, presentation.vessel(service.store, run_row, vessel_id)
     except NotThere as error:

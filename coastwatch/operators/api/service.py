@@ -173,9 +173,13 @@ class Service:
         """The run of the newest picture. Raises: NoPictureYet."""
         return self.picture().run_id
 
-    def run_row(self) -> presentation.Run:
-        """The row of the run, as it is now. Raises: NoPictureYet, StoreError."""
-        return presentation.run(self.store, self.run_id())
+    def run_at(self, at_s: float | None) -> int:
+        """The run that has an instant; none: that of the newest picture. Raises: NoPictureYet, StoreError."""
+        return self.run_id() if at_s is None else store.run_at(self.store, self.run_id(), at_s)
+
+    def run_row(self, at_s: float | None = None) -> presentation.Run:
+        """The row of the run that has an instant, as it is now. Args: as of `run_at`. Raises: NoPictureYet, StoreError."""
+        return presentation.run(self.store, self.run_at(at_s))
 
     def feeds(self) -> list[FeedState]:
         """The feeds with their counters."""
@@ -199,14 +203,14 @@ class Service:
         except NotDoneYet as error:
             raise WrittenLater("the database is away: the change is written when it is back") from error
 
-    def alarms(self, asked: Asked) -> tuple[Rows, int]:
-        """Some alarms, the most urgent first, then the newest, and how many there are.
+    def alarms(self, asked: Asked, run_id: int) -> tuple[Rows, int]:
+        """Some alarms of a run, the most urgent first, then the newest, and how many there are.
 
         Those that last or wait for acknowledgement come from memory, also where the database is away. Raises: StoreError.
         """
         book, times = self.book, (asked.from_s, asked.to_s)
-        if asked.state == "all" or times != (None, None) or book.forgotten or book.run_id != self.run_id():
-            stored, total = store.alarms(self.store, self.run_id(), asked)
+        if asked.state == "all" or times != (None, None) or book.forgotten or book.run_id != run_id:
+            stored, total = store.alarms(self.store, run_id, asked)
             return self.rows_of([Alarm(*row) for row in stored.rows]), total
         every = [alarm for alarm in book.alarms(asked.state) if alarm.kind in asked.kinds]
         return self.rows_of(every[asked.offset : asked.offset + asked.limit]), len(every)

@@ -81,7 +81,12 @@ def add_db(parser: Parser) -> None:
 def add_run(parser: Parser) -> None:
     """Adds the database and the run in it."""
     add_db(parser)
-    parser.add_argument("--run", metavar="ID", type=whole, help="number of the run (default: the latest)")
+    parser.add_argument(
+        "--run",
+        metavar="ID",
+        type=whole,
+        help="number of the run (default: the latest, or that of the same server which holds the time)",
+    )
 
 
 def add_moment(parser: Parser) -> None:

@@ -19,9 +19,19 @@ from coastwatch.store import Rows, Store, delete_run, keep_runs, operator_querie
 
 @contextmanager
 def _run(options: argparse.Namespace) -> Iterator[tuple[Store, presentation.Run]]:
-    """The database and the run that the options name."""
+    """The database and the run that the options name; without a number, the one that holds their time. What is strange is warned of."""
+    given = vars(options)
     with presentation.opened(options.db) as store:
-        yield store, presentation.run(store, options.run)
+        span_s = given.get("from_s"), given.get("to_s")
+        run, said = presentation.run_of_time(store, options.run, given.get("at"), span_s)
+        _warn(said)
+        yield store, run
+
+
+def _warn(text: str) -> None:
+    """Prints a warning; none for an empty text."""
+    if text:
+        print(f"coastwatch: warning: {printable(text)}", file=sys.stderr)
 
 
 def picture(options: argparse.Namespace) -> int:
@@ -187,6 +197,11 @@ def query(options: argparse.Namespace) -> int:
     if question is not None and (unknown := [option for key, option in typed if key not in question.parameters]):
         raise InputError(f"query {options.name}: got {', '.join(unknown)}, needed {question.needed}")
     with presentation.opened(options.db) as store:
+        times = options.at, options.from_s, options.to_s
+        if question is not None and question.of_run and "run" not in parameters and times != (None, None, None):
+            run, said = presentation.run_of_time(store, None, options.at, (options.from_s, options.to_s))
+            parameters["run"] = str(run["id"])
+            _warn(said)
         rows = presentation.answer(store, options.name, parameters, options.at)
         if options.at is not None:
             warn_beyond_end(store, presentation.run(store, int(parameters["run"]) if "run" in parameters else None), options.at)

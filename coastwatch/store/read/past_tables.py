@@ -8,16 +8,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from sqlalchemy import Connection, or_, text
+from sqlalchemy import Connection, text
 
 from coastwatch.store.read.picture_queries import picture_of_cycle
+from coastwatch.store.read.server_runs import HAS_PICTURE
 from coastwatch.store.rows import Column, NullableId, insert
 from coastwatch.store.runs import cycle_at
 from coastwatch.store.schema.database import Store, refusals
 from coastwatch.store.schema.tables import (
     ASSOCIATION,
     BEARING_ASSOCIATION,
-    CYCLE,
     DECIDED_PATH,
     EVENT_GAP,
     HISTORY,
@@ -72,7 +72,7 @@ def as_of(store: Store, run_id: int, at_s: float) -> Iterator[Connection]:
     """
     options = {"isolation_level": "REPEATABLE READ"} if store.engine.dialect.name == "postgresql" else {}
     with refusals(store), store.engine.connect() as plain, plain.execution_options(**options).begin() as transaction:
-        cycle = cycle_at(plain, store, run_id, at_s, or_(CYCLE.c.history_from.is_not(None), CYCLE.c.recorded))
+        cycle = cycle_at(plain, store, run_id, at_s, HAS_PICTURE)
         _hide_later_rows(plain, run_id, cycle)
         try:
             yield plain

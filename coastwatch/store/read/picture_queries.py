@@ -15,6 +15,7 @@ from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.bbox import FASTEST_M_S, Box, inside, is_inside, widened
 from coastwatch.store.history_rule import dead_reckon, newest_rows
 from coastwatch.store.read.history_queries import ELLIPSE, MOTION, cycle_times, points_in_box, points_of
+from coastwatch.store.read.server_runs import HAS_PICTURE
 from coastwatch.store.recording import read_recorded
 from coastwatch.store.rows import Rows, Table, fetch_arrays, fetch_rows, is_one_of, motion, source_texts
 from coastwatch.store.runs import cycle_at, run_exists
@@ -64,7 +65,6 @@ COLUMNS = (
 FEW = 1000
 """Up to this many vessels are looked up one by one; for more, whole tables of the run are read."""
 
-_HAS_PICTURE = or_(CYCLE.c.history_from.is_not(None), CYCLE.c.recorded)
 LAST_AIS = ("last_ais_mmsi", "last_ais_name", "last_ais_until_s")
 Columns = dict[str, Array]
 
@@ -104,13 +104,13 @@ def picture(
         if at_s is None:
             here = [] if bbox is None else [is_inside(VESSEL.c.latitude_deg, VESSEL.c.longitude_deg, bbox)]
             return _picture_now(connection, run_id, columns, *here)
-        return picture_of_cycle(connection, run_id, cycle_at(connection, store, run_id, at_s, _HAS_PICTURE), bbox, columns)
+        return picture_of_cycle(connection, run_id, cycle_at(connection, store, run_id, at_s, HAS_PICTURE), bbox, columns)
 
 
 def picture_cycle(store: Store, run_id: int, at_s: float) -> tuple[int, float]:
     """Number and time of the cycle whose picture `picture` answers at an instant. Raises: StoreError as it does."""
     with reading(store) as connection:
-        number = cycle_at(connection, store, run_id, at_s, _HAS_PICTURE)
+        number = cycle_at(connection, store, run_id, at_s, HAS_PICTURE)
         time_s = connection.scalar(select(CYCLE.c.time_s).where(CYCLE.c.run_id == run_id, CYCLE.c.number == number))
     return number, float(time_s or 0.0)
 
