@@ -496,7 +496,7 @@ def test_what_became_of_every_record_is_said_and_a_lost_one_fails_the_run(
     said = capsys.readouterr().out
     assert "records: 35 read = 30 in reports + 3 names and sizes + 2 refused + 0 set aside" in said
     whole = Tables.span
-    monkeypatch.setattr(Tables, "span", lambda tables, *_, **__: (whole(tables)[0], START_S + 200.0))
+    monkeypatch.setattr(Tables, "span", lambda tables, *given, **named: (whole(tables, *given, **named)[0], START_S + 200.0))
     assert main([*arguments, "--restart", "--json"]) == 1
     out, err = capsys.readouterr()
     assert f"9 {UNUSED}" in err
