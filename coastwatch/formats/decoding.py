@@ -21,6 +21,8 @@ FAR_AHEAD_S = 60.0
 FAR_JUMP_S, CONFIRMED_BY = 600.0, 10
 """A stamp so far ahead of the one before is believed when so many records in a row have such."""
 
+LONGEST_NAME = 32  # of a source of tracks, as of a sensor of a scenario
+
 MOST_WAITING = 500_000
 """Reports of a feed, of one kind, that wait for their cycle: those of more than a minute of the densest coast. The oldest go first."""
 

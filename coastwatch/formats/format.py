@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from coastwatch.batches import Floats, Ints, Reports, Sensors
+from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
 from coastwatch.formats.decoding import Decoder, FeedSettings, ReportsBetween
 
 
@@ -47,6 +48,15 @@ class OutSettings:
 
 NAMED_BY_CODES = "SAC/SIC"
 """An option of ASTERIX: the name of a radar or a track source, by the numbers of its system area and its code."""
+
+
+def parsed_site(text: str) -> tuple[float, float] | None:
+    """Latitude and longitude of "LAT,LON", degrees; None: it is none, or no plane there is right."""
+    try:
+        latitude, longitude = (float(part) for part in text.split(","))
+    except ValueError:
+        return None
+    return (latitude, longitude) if abs(latitude) < HIGHEST_LATITUDE_DEG and abs(longitude) <= 180.0 else None
 
 
 def rounded_deg(degrees: float, digits: int) -> float:

@@ -20,12 +20,12 @@ from coastwatch.scenario import Area, Scenario
 from coastwatch.scenario.reading import typed_value
 from coastwatch.scenario.refusing import refusals
 from coastwatch.scenario.sites import Radar, Sonar, Station
-from coastwatch.sensors.files import WireFile
 from coastwatch.sensors.recorded.files import has_sentences
 from coastwatch.sensors.recorded.tables.feed import Tables
 from coastwatch.sensors.recorded.tables.rows import SETTING
 from coastwatch.sensors.recorded.video.haxr import HaxrFile
 from coastwatch.sensors.recorded.video.pictures import Pictures
+from coastwatch.sensors.recorded.wire.stream import WireFile
 from coastwatch.spelling import did_you_mean
 
 COLUMNS = {part: type(Tables.model_fields[setting].default) for part, setting in SETTING.items()}

@@ -38,8 +38,8 @@ from coastwatch.formats.nmea import ais
 from coastwatch.formats.registry import DECODED, FORMATS, decoders_of
 from coastwatch.operators.cli import main
 from coastwatch.scenario.sites import Radar, Sonar, TrackSource, sensors_of
-from coastwatch.sensors import files
-from coastwatch.sensors.files import CUT_FILE, DAMAGED_FILE, TOO_LONG, WireStream, items_of, wire_file
+from coastwatch.sensors.recorded.wire import stream as wire_stream
+from coastwatch.sensors.recorded.wire.stream import CUT_FILE, DAMAGED_FILE, TOO_LONG, WireStream, items_of, wire_file
 
 START_S = 1_782_907_200.0
 DAY = datetime.fromtimestamp(START_S, UTC).date().isoformat()
@@ -168,7 +168,7 @@ def test_a_file_gives_the_reports_of_the_live_decoder(name: str, tmp_path: Path)
 
 @pytest.mark.parametrize("name", REPORTS)
 def test_a_file_in_parts_of_time_gives_every_report_once(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "BATCH", 7)
+    monkeypatch.setattr(wire_stream, "BATCH", 7)
     found = messages(name)
     text = address(name, as_file(name, tmp_path / "x.bin", found))
     wanted, read = live(text, found), stream(text)
@@ -222,7 +222,7 @@ def unaccounted(text: str) -> int:
 def test_every_record_of_a_damaged_file_is_somewhere_and_a_lost_one_is_noticed(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(files, "BATCH", 7)
+    monkeypatch.setattr(wire_stream, "BATCH", 7)
     found = messages(name)
     text = address(name, as_file(name, tmp_path / "x.bin", [*found[:9], *DAMAGED[name], *found[5:9], *found[9:]]))
     assert unaccounted(text) == 0
@@ -257,7 +257,7 @@ def test_messages_do_not_depend_on_where_blocks_and_the_file_end(
     path, content = tmp_path / "x.bin", CONTENT[name][: max(size * blocks + beyond, 4 if name == "json" else 13)]
     path.write_bytes(content)
     whole, tally = list(items_of(wire_file(f"{name}+file:{path}"), Tally())), Tally()
-    monkeypatch.setattr(files, "BLOCK_BYTES", size)
+    monkeypatch.setattr(wire_stream, "BLOCK_BYTES", size)
     found = list(items_of(wire_file(f"{name}+file:{path}"), tally))
     monkeypatch.undo()
     assert [data for _, data, _ in found] == [data for _, data, _ in whole]
@@ -298,9 +298,9 @@ def test_a_capture_that_is_cut_or_damaged_is_used_as_far_as_it_goes(writer: Call
 
 def test_a_line_that_is_too_long_is_counted_once_with_its_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "x.jsonl"
-    path.write_bytes(b"a\n" + b"b" * (3 * files.LONGEST) + b"\nc\n")
-    for size in (files.LONGEST // 3, 1 << 20):
-        monkeypatch.setattr(files, "BLOCK_BYTES", size)
+    path.write_bytes(b"a\n" + b"b" * (3 * wire_stream.LONGEST) + b"\nc\n")
+    for size in (wire_stream.LONGEST // 3, 1 << 20):
+        monkeypatch.setattr(wire_stream, "BLOCK_BYTES", size)
         tally = Tally()
         assert [data for _, data, _ in items_of(wire_file(f"json+file:{path}"), tally)] == [b"a", b"c"]
         (fault,) = tally.faults()

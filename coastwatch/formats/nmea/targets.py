@@ -14,7 +14,7 @@ from coastwatch.batches import Floats, Sensors, TrackSources
 from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
 from coastwatch.errors import AddressError
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps, Waiting, track_reports
-from coastwatch.formats.format import Format, OutSettings, Vessels, rounded_deg
+from coastwatch.formats.format import Format, OutSettings, Vessels, parsed_site, rounded_deg
 from coastwatch.formats.intake.ais_validation import LATITUDE, LONGITUDE
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
@@ -229,13 +229,9 @@ def site_of(feed: FeedSettings) -> Floats | None:
     text = feed.options.get("site")
     if text is None:
         return None
-    try:
-        latitude, longitude = (float(part) for part in text.split(","))
-    except ValueError:
-        latitude = longitude = math.nan
-    if not (abs(latitude) < 85.0 and abs(longitude) <= 180.0):
+    if (site := parsed_site(text)) is None:
         raise AddressError(f"feed: got site={text} in {feed.text!r}, needed LAT,LON in degrees, e.g. site=50.795,-1.105")
-    return np.array([latitude, longitude])
+    return np.array(site)
 
 
 class TargetEncoder:

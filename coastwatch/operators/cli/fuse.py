@@ -11,7 +11,7 @@ from coastwatch.errors import InputError
 from coastwatch.operators import recorded
 from coastwatch.operators.cli.runs import carry_out
 from coastwatch.scenario import make_scenario
-from coastwatch.sensors.files import WireFile, wire_file
+from coastwatch.sensors.recorded.wire.stream import WireFile, wire_file
 
 VIDEO = "video"
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
@@ -52,7 +52,7 @@ def fuse(options: argparse.Namespace) -> int:
 
 def _video_file(text: str) -> WireFile:
     """A value of --video. Raises: InputError."""
-    file = wire_file(text if "+file:" in text else f"{VIDEO}+file:{text}")
+    file = wire_file(text, VIDEO)
     if file.format != VIDEO:
         raise InputError(
             f"fuse --video: got {text!r}, needed a capture or a file of CAT 240, a table of pictures or HDF5 of HAXR: use --feed for "

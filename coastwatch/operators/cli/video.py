@@ -8,7 +8,6 @@ import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import islice
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +20,7 @@ from coastwatch.formats.decoding import Item
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.video_state import VideoState
 from coastwatch.geodesy import NAUTICAL_MILE_M
-from coastwatch.sensors.files import items_of, wire_file
+from coastwatch.sensors.recorded.wire.stream import items_of, wire_file
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.transport import Receiver
 from coastwatch.spelling import printable
@@ -88,7 +87,7 @@ def _received(text: str, seconds: float) -> Iterator[Item]:
 
 def _recorded(text: str, seconds: float, tally: Tally) -> Iterator[Item]:
     """What a file has in its first so many seconds; of one without times of arrival, its first datagrams. Raises: OSError, InputError."""
-    file = wire_file(text if "+file:" in text else f"video+file:{text}")
+    file = wire_file(text, "video")
     if file.format != "video":
         raise InputError(f"video: got {text!r}, needed a file or a feed of video, e.g. {EXAMPLES}")
     until_s = math.inf
@@ -239,7 +238,7 @@ def _settings(text: str, radars: dict[tuple[int, int], _Radar]) -> Iterator[str]
     else:
         yield "[input]"
         yield 'method = "video_files"'
-        path = Path(wire_file(text if "+file:" in text else f"video+file:{text}").path)
+        path = wire_file(text, "video").path
         yield f'files = ["video+file:{path}?{names}"]'
         yield ""
         more = " --set extraction.method=absolute --set extraction.least_level=1" if cleaned else ""

@@ -21,6 +21,7 @@ SENTENCES = {"ais": ("VDM", "VDO"), "tracks": ("TTM", "TLL")}
 """Sentences of NMEA 0183 that hold AIS, and finished tracks."""
 SETTING_OF_SENTENCES = {"ais": "nmea", "tracks": "track_sentences"}
 
+CUT_FILE = "file cut short"
 GZIP_MAGIC, PARQUET_MAGIC = b"\x1f\x8b", b"PAR1"
 OTHER_FORMATS = {
     b"\xfd7zXZ\x00": "a file compressed by xz",

@@ -8,7 +8,7 @@ from ipaddress import AddressValueError, IPv4Address
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from coastwatch.errors import AddressError
-from coastwatch.formats.decoding import FeedSettings
+from coastwatch.formats.decoding import LONGEST_NAME, FeedSettings
 from coastwatch.formats.registry import DECODED, FORMATS, check_options
 from coastwatch.spelling import ONE_LINE
 
@@ -22,7 +22,6 @@ OPTIONS = {
 }
 """What a transport takes behind '?'."""
 
-LONGEST_NAME = 32  # of a source
 EXAMPLES = "ais+tcp://host:10110, ais+listen://127.0.0.1:10110, asterix+udp://127.0.0.1:8600, video+udp://239.192.0.1:8600"
 
 

@@ -6,7 +6,6 @@ counted, and the next picture begins with it: so each has its turn. So are those
 
 from __future__ import annotations
 
-import ipaddress
 import math
 import socket
 import threading
@@ -20,7 +19,7 @@ from urllib.parse import parse_qsl, urlsplit
 import numpy as np
 
 from coastwatch.errors import AddressError
-from coastwatch.formats.format import OutSettings, Vessels
+from coastwatch.formats.format import OutSettings, Vessels, parsed_site
 from coastwatch.formats.registry import FORMATS, PICTURES
 from coastwatch.server.link import Backoff, FeedState, Link, Reconnecting
 from coastwatch.server.live_picture import LivePicture
@@ -60,9 +59,8 @@ def parsed_out(text: str) -> OutAddress:
     try:
         port = parts.port or 0
         rate = float(options.get("rate", RATE))
-        site = tuple(float(part) for part in options["site"].split(",")) if "site" in options else None
     except ValueError:
-        port, rate, site = 0, 0.0, None
+        port, rate = 0, 0.0
     is_usable = format_ in PICTURES and transport in TRANSPORTS
     if not is_usable or not parts.hostname or not port or parts.path not in ("", "/") or not 0.1 <= rate <= 1e5:
         raise AddressError(
@@ -71,10 +69,10 @@ def parsed_out(text: str) -> OutAddress:
         )
     if FORMATS[format_].in_datagrams and transport != "udp":
         raise AddressError(f"out: got {text!r}, needed {format_}+udp: {format_.upper()} is sent in datagrams")
-    is_place = site is None or (len(site) == 2 and abs(site[0]) < 85.0 and abs(site[1]) <= 180.0)
-    if FORMATS[format_].needs_site != (site is not None) or not is_place:
+    site = parsed_site(options.get("site", ""))
+    if FORMATS[format_].needs_site != (site is not None) or ("site" in options and site is None):
         raise AddressError(f"out: got {text!r}, needed site=LAT,LON with ttm alone: range and bearing are from there")
-    return OutAddress(text, format_, transport, parts.hostname, port, rate, None if site is None else (site[0], site[1]))
+    return OutAddress(text, format_, transport, parts.hostname, port, rate, site)
 
 
 class OutFeed(Link):
@@ -180,8 +178,6 @@ def _connection(address: OutAddress) -> socket.socket:
     family, kind, proto, _, where = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)[0]
     connection = socket.socket(family, kind, proto)
     try:
-        if family == socket.AF_INET and ipaddress.ip_address(where[0]).is_multicast:
-            connection.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 1)
         connection.connect(where)
     except OSError:
         connection.close()

@@ -20,9 +20,9 @@ from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.timestamps import nearest_s
 from coastwatch.formats.registry import FORMATS
 from coastwatch.scenario import Scenario
-from coastwatch.sensors.captures import is_capture
-from coastwatch.sensors.files import WireFile, items_of
 from coastwatch.sensors.recorded.nmea.feed import lines_of
+from coastwatch.sensors.recorded.wire.captures import is_capture
+from coastwatch.sensors.recorded.wire.stream import WireFile, items_of
 from coastwatch.server.feeds.address import MQTT_PORTS, Address
 from coastwatch.server.link import Backoff, Link, Reconnecting
 

@@ -20,13 +20,13 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from coastwatch.errors import AddressError
+from coastwatch.formats.decoding import LONGEST_NAME
 from coastwatch.server.link import Backoff, Link, Reconnecting, first_line
 from coastwatch.server.regions.link import IN_FLIGHT, Incoming, Position
 from coastwatch.server.regions.message import LARGEST_MESSAGE, PROTOCOLS, MessageError, RegionCycle, decode
 
 PATH = "/api/v1/tracks/stream"
 RETRY, CONNECT_S, CLOSE_S = Backoff(0.25, 5.0), 10.0, 2.0
-LONGEST_NAME = 32
 CLOSED = {4401: "it does not know the token", 4404: "it is no region: --role region", 4408: "this centre did not read"}
 """Why a region closed a connection, by its code."""
 

@@ -30,7 +30,7 @@ from coastwatch.batches import (
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import from_plane
-from coastwatch.sensors.recorded.files import Fingerprint, data_folder, fingerprint
+from coastwatch.sensors.recorded.files import Fingerprint, data_folder, fingerprint, opened
 from coastwatch.sensors.recorded.merging import span_of
 from coastwatch.stage import Count, Method, Plan
 
@@ -121,8 +121,8 @@ def _read_files(files: Fingerprint) -> tuple[_Returns, tuple[_Fixes, ...], tuple
 
 def _objects(path: Path) -> list[Any]:
     try:
-        content = path.read_bytes()
-        objects = json.loads(gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content)
+        with opened(path) as file:
+            objects = json.load(file)
     except (ValueError, EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise InputError(f"{path}: got {error}, needed JSON, compressed or not") from error
     if not isinstance(objects, list):

@@ -24,13 +24,12 @@ from coastwatch.formats.intake.reception_time import TIME_MISSING, backwards_not
 from coastwatch.formats.nmea.messages import Assembler, Messages
 from coastwatch.formats.nmea.payload import decoded
 from coastwatch.formats.nmea.sentences import FURTHER, ais_sentences
-from coastwatch.sensors.recorded.files import GZIP_MAGIC, Fingerprint, fingerprint, has_sentences, opened
+from coastwatch.sensors.recorded.files import CUT_FILE, GZIP_MAGIC, Fingerprint, fingerprint, has_sentences, opened
 from coastwatch.sensors.recorded.merging import span_of
 from coastwatch.stage import Method, NotNegative, Plan
 
 TIME_OF_NEIGHBOUR = SET_ASIDE + "time missing, that of its neighbour taken"
 OWN_SHIP = SET_ASIDE + "own ship"
-CUT_FILE = "file cut short"
 NAMES, WAITING = "names and sizes", "not yet judged"
 """What is beside the positions of a file."""
 

@@ -33,7 +33,6 @@ from coastwatch.formats.intake.ais_validation import AisIntake
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.registry import FORMATS
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
-from coastwatch.sensors.files import WireFile, WireStream, wire_file
 from coastwatch.sensors.recorded.files import fingerprint
 from coastwatch.sensors.recorded.merging import FileTimes, MergedStream, by_arrival, check_gaps, span_of
 from coastwatch.sensors.recorded.nmea.feed import Nmea, first_and_last
@@ -58,6 +57,7 @@ from coastwatch.sensors.recorded.video.feed import FORMAT as VIDEO
 from coastwatch.sensors.recorded.video.feed import VideoFileStream
 from coastwatch.sensors.recorded.video.haxr import HaxrFile
 from coastwatch.sensors.recorded.video.pictures import Pictures
+from coastwatch.sensors.recorded.wire.stream import WireFile, WireStream, wire_file
 from coastwatch.stage import Method, NotNegative, Plan, Settings
 
 UNKNOWN_RADAR, UNKNOWN_SONAR = "unknown radar", "unknown sonar"

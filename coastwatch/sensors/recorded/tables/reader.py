@@ -17,7 +17,7 @@ from coastwatch.batches import Array, Bools, Floats, Ints
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.timestamps import MICROSECONDS_FROM, MILLISECONDS_FROM, NANOSECONDS_FROM
-from coastwatch.sensors.recorded.files import GZIP_MAGIC, as_utf8, check_table
+from coastwatch.sensors.recorded.files import CUT_FILE, GZIP_MAGIC, as_utf8, check_table
 
 if TYPE_CHECKING:
     import polars as pl
@@ -27,8 +27,7 @@ else:
 HALF_A_LINE = "half a line"
 RAGGED = "line with too many cells"
 QUOTE = "quotation without end"
-CUT_FILE = "file cut short"
-LONGEST_NAME, MOST_NAMES = 60, 40  # of columns, in an error
+LONGEST_COLUMN, MOST_NAMES = 60, 40  # of columns, in an error
 NO_ROW = "table without a row under its header"
 
 Separator = Annotated[str, Field(pattern=r"^(auto|.)$")]
@@ -100,7 +99,7 @@ class Table:
 
     def lacks(self, needed: str) -> InputError:
         """The error of a missing column: the columns that are there, or that values stand where a header should be."""
-        names = [name[:LONGEST_NAME] for name in self.frame.columns]
+        names = [name[:LONGEST_COLUMN] for name in self.frame.columns]
         if 2 * sum(VALUE.fullmatch(name.strip()) is not None for name in names) > len(names):
             first = self.separator.join(names[:3])
             return InputError(

@@ -21,7 +21,7 @@ from coastwatch.formats.intake.ais_validation import (
 )
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.reception_time import BACKWARDS, LATE, SORTED, backwards_note, reception_times
-from coastwatch.sensors.recorded.tables.reader import LONGEST_NAME, Table
+from coastwatch.sensors.recorded.tables.reader import LONGEST_COLUMN, Table
 from coastwatch.spelling import did_you_mean
 from coastwatch.stage import Settings
 
@@ -174,7 +174,7 @@ def find_columns(table: Table, part: str, named: Settings) -> dict[str, str | No
 def need_columns(table: Table, part: str, column: dict[str, str | None], keys: Sequence[str]) -> None:
     """Refuses a table without these columns. Raises: InputError that names its columns, what was looked for, and the option."""
     free = [name for name in table.frame.columns if name not in column.values()]
-    yours = free[0] if len(free) == 1 and len(free[0]) <= LONGEST_NAME else "NAME"
+    yours = free[0] if len(free) == 1 and len(free[0]) <= LONGEST_COLUMN else "NAME"
     for key in keys:
         if column[key] is None:
             raise table.lacks(

@@ -11,10 +11,10 @@ from pydantic import model_validator
 from coastwatch.batches import Fault, FileContent, Floats, Radars, Recording, Reports, Sensors, Videos
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Tally
-from coastwatch.sensors.files import WireFile, WireStream, wire_file
 from coastwatch.sensors.recorded.merging import span_of
 from coastwatch.sensors.recorded.video.haxr import HaxrFile, HaxrStream
 from coastwatch.sensors.recorded.video.pictures import Pictures, PictureStream
+from coastwatch.sensors.recorded.wire.stream import WireFile, WireStream, wire_file
 from coastwatch.stage import Method, NotNegative, Plan
 
 FORMAT = "video"
@@ -56,7 +56,7 @@ class VideoFiles(Method):
 
     def _wire_files(self) -> list[WireFile]:
         """Raises: InputError: an address of another format."""
-        files = [wire_file(text if "+file:" in text else f"{FORMAT}+file:{text}") for text in self.files]
+        files = [wire_file(text, FORMAT) for text in self.files]
         for file in files:
             if file.format not in FORMATS:
                 raise InputError(

@@ -14,12 +14,12 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 
 from coastwatch.batches import Fault, FileContent, Reports, Sensors
 from coastwatch.errors import InputError
-from coastwatch.formats.decoding import DROPPED, LATE, Decoder, FeedSettings, Item, decode
+from coastwatch.formats.decoding import DROPPED, LATE, LONGEST_NAME, Decoder, FeedSettings, Item, decode
 from coastwatch.formats.format import Format
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.registry import DECODED, FORMATS, check_options, decoders_of
-from coastwatch.sensors.captures import Bytes, datagrams, is_capture
-from coastwatch.sensors.recorded.files import existing_path, opened
+from coastwatch.sensors.recorded.files import CUT_FILE, existing_path, opened
+from coastwatch.sensors.recorded.wire.captures import Bytes, datagrams, is_capture
 
 BLOCK_BYTES = 1 << 18
 """Bytes of a file that are read at a time."""
@@ -31,9 +31,8 @@ BATCH = 1_000
 """Messages that are decoded at a time: what comes out does not depend on how the file was read."""
 
 REPEATED, WAITING = SET_ASIDE + "the same report again", "waiting for a cycle or for more of a message"
-CUT_FILE, DAMAGED_FILE = "file cut short", "file damaged, not read any further"
+DAMAGED_FILE = "file damaged, not read any further"
 TOO_LONG = "message too long"
-LONGEST_NAME = 32  # of a source
 
 
 @dataclass(frozen=True)
@@ -57,8 +56,9 @@ class WireFile:
         return FeedSettings(self.path.name, self.text, self.options, self.source or "", checked=False)
 
 
-def wire_file(text: str) -> WireFile:
-    """The file of an address such as asterix+file:plots.pcap?port=8600. Raises: InputError."""
+def wire_file(text: str, of_path: str = "") -> WireFile:
+    """The file of an address such as asterix+file:plots.pcap?port=8600. Args: of_path: format of a path alone. Raises: InputError."""
+    text = text if not of_path or "+file:" in text else f"{of_path}+file:{text}"
     parts = urlsplit(text, allow_fragments=False)
     format_, _, transport = parts.scheme.partition("+")
     path, options = unquote(parts.netloc + parts.path), dict(parse_qsl(parts.query, keep_blank_values=True))

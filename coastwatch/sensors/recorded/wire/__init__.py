@@ -1,0 +1,1 @@
+"""Files of what live feeds carry, and captures of a network."""
