@@ -49,7 +49,7 @@ Seconds = Annotated[float, Field(ge=0.0, le=10.0)]
 
 
 class Autoferry(Method):
-    """One Autoferry scenario. Settings: coastwatch/sensors/recorded/README.md.
+    """One Autoferry scenario.
 
     The first radar is the radar, the second, with `use_lidar`, the lidar; the first sonar is the infrared, the second
     the visible camera.

@@ -63,7 +63,7 @@ COVERED_SHARE, COVERED_S = (
 
 
 class Solent(Method):
-    """Recorded AIS with radars simulated along the recorded motion. Settings: coastwatch/sensors/recorded/README.md."""
+    """Recorded AIS with radars simulated along the recorded motion."""
 
     method: Literal["solent"] = "solent"
     root: Path | None = None  # the folder of the dataset; none: shared/data/solent_ais next to the checkout

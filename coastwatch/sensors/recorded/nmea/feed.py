@@ -38,7 +38,7 @@ TAIL_BYTES = 1 << 20  # of a long file, read to find its last time
 
 
 class Nmea(Method):
-    """AIS from files of NMEA 0183 sentences. Settings: coastwatch/sensors/recorded/README.md."""
+    """AIS from files of NMEA 0183 sentences."""
 
     method: Literal["nmea"] = "nmea"
     files: Annotated[tuple[Path, ...], Field(min_length=1)]  # each in order of arrival; compressed (gzip) or not

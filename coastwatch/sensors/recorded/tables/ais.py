@@ -102,7 +102,7 @@ class AisColumns(Settings):
 
 
 class AisTable(Method):
-    """AIS from decoded tables. Settings: coastwatch/sensors/recorded/README.md."""
+    """AIS from decoded tables."""
 
     method: Literal["ais_table"] = "ais_table"
     files: Annotated[tuple[Path, ...], Field(min_length=1)]  # compressed (gzip) or not

@@ -106,7 +106,7 @@ class BearingColumns(Settings):
 
 
 class Tables(Method):
-    """Recorded files of any sensors. Settings: coastwatch/sensors/recorded/README.md."""
+    """Recorded files of any sensors."""
 
     method: Literal["tables"] = "tables"
     plots: tuple[Path, ...] = ()  # tables of radar plots, CSV or Parquet

@@ -22,7 +22,7 @@ FORMATS = FORMAT, "heading"
 
 
 class VideoFiles(Method):
-    """Recorded radar video. Settings: coastwatch/sensors/recorded/video/README.md."""
+    """Recorded radar video."""
 
     method: Literal["video_files"] = "video_files"
     files: tuple[
