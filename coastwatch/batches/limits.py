@@ -6,7 +6,7 @@ Sources of reports say anything. Filters and kernels rest on finite numbers and 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -36,6 +36,9 @@ TIMES_S = 0.0, 8e9
 
 ASYMMETRY = 1e-6
 BEYOND = "beyond the bounds of its format: "
+WITHOUT_BOUNDS = ("statics",)
+"""Fields of `Reports` whose numbers no filter takes."""
+
 Bounded = RadarReports | BearingReports | AisReports | TrackReports | HeadingReports | RadarVideo
 Of = TypeVar("Of", RadarReports, BearingReports, AisReports, TrackReports, HeadingReports, RadarVideo)
 
@@ -92,15 +95,13 @@ def reports_within(reports: Reports) -> tuple[Reports, dict[str, int]]:
     """The reports within all bounds, and how many of the others there are, by kind."""
     kept: dict[str, Any] = {}
     counts: Counter[str] = Counter()
-    for name in ("radar", "bearing", "ais", "tracks", "headings"):
-        batch = getattr(reports, name)
-        if len(batch):
-            kept[name], found = within(batch)
+    for name in (field.name for field in fields(reports) if field.name not in WITHOUT_BOUNDS):
+        given = getattr(reports, name)
+        parts = [within(part) for part in (given.parts if isinstance(given, Videos) else [given]) if len(part)]
+        for _, found in parts:
             counts.update({f"{name}: {kind}": int(mask.sum()) for kind, mask in found.items()})
-    videos = [within(video) for video in reports.video.parts]
-    for _, found in videos:
-        counts.update({f"video: {kind}": int(mask.sum()) for kind, mask in found.items()})
-    kept["video"] = Videos(tuple(video for video, _ in videos))
+        inside = [part for part, _ in parts]
+        kept[name] = Videos(tuple(inside)) if isinstance(given, Videos) else (inside or [given])[0]
     return (replace(reports, **kept), dict(counts)) if counts else (reports, {})
 
 
