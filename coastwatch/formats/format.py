@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -87,9 +87,9 @@ class Format:
     in_datagrams: bool = False  # a message is a datagram; else it is a line
     length: Callable[[bytes, int], int] = line_length
     """(data, begin) -> bytes of the message of a file that begins there, 0 or less: its end has not come. Raises: ValueError."""
-    stamps: Callable[[list[bytes]], Iterator[tuple[int, float]]] | None = None
-    """Of recorded lines: (number from 1 on, Unix time) of those that have a time; of datagrams the time of day, s. With it
-    `coastwatch feed` can send a file."""
+    sending_times: Callable[[Iterable[bytes]], Iterator[tuple[int, float]]] | None = None
+    """When `coastwatch feed` sends the messages of a file: (number from 1 on, time) of those that have a time of their own, as they
+    are read. Of lines Unix time; of datagrams seconds since midnight UTC, as their date is not in them. None: it cannot send a file."""
     options: tuple[str, ...] = ()  # that it takes behind '?' of an address, beside the name
     needs_site: bool = False  # its pictures are of ranges and bearings
     own_source: bool = False  # a feed is a track source by itself, of the name of the feed

@@ -22,6 +22,7 @@ from coastwatch.spelling import did_you_mean
 FORMATS: dict[str, Format] = {one.name: one for one in (AIS, ASTERIX, TTM, JSON, COT, TLL, VIDEO, HEADING)}
 CODES = re.compile(r"\d+/\d+")
 DECODED = tuple(name for name, one in FORMATS.items() if one.decoder is not None)
+ENCODED = tuple(name for name, one in FORMATS.items() if one.encode is not None)
 PICTURES = tuple(name for name, one in FORMATS.items() if one.pictures is not None)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from coastwatch.batches import COVER_RANGES, Floats, RadarCover, Sensors
 from coastwatch.centre import Cycle
-from coastwatch.formats.video_state import VideoState
+from coastwatch.formats.asterix.video_state import VideoState
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.server.last_minute import WITHIN_S, LastMinute
 from coastwatch.server.link import FeedState, RadarState

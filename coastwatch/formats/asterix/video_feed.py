@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -16,11 +16,11 @@ from coastwatch.formats.asterix.beam_time import FULL_TURN
 from coastwatch.formats.asterix.decoder import SAC, Origin, block_length, date_of, origins_of
 from coastwatch.formats.asterix.spokes import HALF_LIGHT_M_FS, SpokeJoiner
 from coastwatch.formats.asterix.video import MOST_CELLS, VideoMessage, VideoText, decode, encode
+from coastwatch.formats.asterix.video_state import VideoState
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps
 from coastwatch.formats.format import NAMED_BY_CODES, Format
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.intake.timestamps import DAY_S, nearest_s
-from coastwatch.formats.video_state import VideoState
 
 DAMAGED = "damaged video: "
 UNKNOWN_RADAR = "video of no radar of the scenario"
@@ -262,8 +262,8 @@ def renumbered(messages: list[bytes], sent: Counter[bytes]) -> list[bytes]:
     return out
 
 
-def stamps(blocks: list[bytes]) -> Iterator[tuple[int, float]]:
-    """The times of day of blocks: (number from 1 on, s) of those that have one. Source: I240/140."""
+def _sending_times(blocks: Iterable[bytes]) -> Iterator[tuple[int, float]]:
+    """As `Format.sending_times`. Source: I240/140."""
     for number, block in enumerate(blocks, 1):
         of_day_s = [one.time_of_day_s for one in decode(block)[0] if isinstance(one, VideoMessage)]
         yield from ((number, stamp_s) for stamp_s in of_day_s[:1] if math.isfinite(stamp_s))
@@ -278,5 +278,5 @@ VIDEO = Format(
     renumber=renumbered,
     in_datagrams=True,
     length=block_length,
-    stamps=stamps,
+    sending_times=_sending_times,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -274,7 +274,8 @@ def _sentences(message: dict[str, Any], received_s: float) -> Iterator[bytes]:
         yield f"{tag}\\{sentence}".encode()
 
 
-def _stamps(lines: list[bytes]) -> Iterator[tuple[int, float]]:
+def _sending_times(lines: Iterable[bytes]) -> Iterator[tuple[int, float]]:
+    """As `Format.sending_times`."""
     for sentence in ais_sentences(lines, "", Tally()):
         yield sentence.line, sentence.clock_s if math.isnan(sentence.own_s) else sentence.own_s
 
@@ -285,6 +286,6 @@ AIS = Format(
     report_sources=lambda decoders: [Receivers([one for one in decoders if isinstance(one, AisDecoder)]).reports_between],
     encode=encode,
     encodes=("ais", "statics"),
-    stamps=_stamps,
+    sending_times=_sending_times,
     numbered=True,
 )

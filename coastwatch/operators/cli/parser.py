@@ -80,10 +80,14 @@ def _command(name: str, act: str, summary: str) -> Callable[[AddOptions], AddOpt
     return register
 
 
+OF_MODELS = ("serve", "feed")
+"""Commands whose options are read from models and formats, which take a second to import."""
+
+
 def make_parser(command: str | None = None) -> Parser:
     """The parser of all commands. The parsed arguments have `act`, "module:function" in this package.
 
-    Args: command: the only one that is to be parsed: the options of `serve` are read from models, which take a second to import.
+    Args: command: the only one that is to be parsed; the options of other ones of OF_MODELS are left out.
     """
     return make_parsers(command)[""]
 
@@ -107,7 +111,7 @@ def make_parsers(command: str | None = None) -> dict[str, Parser]:
         description = " ".join((add_options.__doc__ or "").split())
         one = parsers[name] = places[group].add_parser(verb, help=summary, description=description)
         one.set_defaults(act=act, command=one.prog)
-        if name != "serve" or command in (None, "serve"):
+        if name not in OF_MODELS or command in (None, name):
             add_options(one)
     return parsers
 
@@ -229,7 +233,11 @@ def feed(parser: Parser) -> None:
     """
     text = "name of a scenario, folder, .toml file, a file of AIS sentences, or a capture (PCAP)"
     completed_by(parser.add_argument("source", metavar="SCENARIO|FILE", help=text))
-    text = "where to, as --feed of serve: ais+tcp (connect), ais+listen, ais+udp, ais+file, asterix+udp, video+udp, json+tcp; repeatable"
+    from coastwatch.formats.registry import ENCODED, FORMATS  # other commands do not wait for them
+
+    datagrams = ", ".join(f"{name}+udp" for name in ENCODED if FORMATS[name].in_datagrams)
+    lines = ", ".join(name for name in ENCODED if not FORMATS[name].in_datagrams)
+    text = f"where to, as --feed of serve: {datagrams}; or {lines} with +tcp (connect), +listen, +udp or +file; repeatable"
     parser.add_argument("--to", metavar="URL", action="append", required=True, help=text)
     add_set(parser, "override a setting of the scenario; repeatable")
     text = "times as fast as the clock, 0.1 to 100 (default: 1)"

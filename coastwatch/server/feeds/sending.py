@@ -18,7 +18,7 @@ from coastwatch.batches import Reports, Sensors
 from coastwatch.errors import AddressError, InputError
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.timestamps import nearest_s
-from coastwatch.formats.registry import FORMATS
+from coastwatch.formats.registry import ENCODED, FORMATS
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.recorded.nmea.feed import lines_of
 from coastwatch.sensors.recorded.wire.captures import is_capture
@@ -139,38 +139,47 @@ def of_file(path: Path, formats: Sequence[str]) -> Iterator[Batch]:
             raise InputError(f"feed: {path}: got no AIS sentence in its packets, needed !AIVDM or !AIVDO")
         packets = items_of(capture, Tally())
         return ((when_s, partial(_constant, formats, [message])) for when_s, message, _ in packets)
-    name = next((name for name in formats if FORMATS[name].stamps is not None), "")
+    name = next((name for name in formats if FORMATS[name].sending_times is not None), "")
     if not name:
-        with_stamps = " or ".join(name for name, one in FORMATS.items() if one.stamps is not None)
+        with_stamps = " or ".join(name for name, one in FORMATS.items() if one.sending_times is not None)
         raise InputError(f"feed: got {path} for {', '.join(formats)}, needed a feed of {with_stamps}, or a capture (PCAP)")
     if FORMATS[name].in_datagrams:
         return _of_blocks(path, name)
-    lines = [line.rstrip(b"\r\n") for line in lines_of(path, Tally())]
-    if not any(AIS_SENTENCE.search(line) for line in lines):
-        raise InputError(f"feed: {path}: got no AIS sentence in {len(lines)} lines, needed !AIVDM or !AIVDO")
-    return _of_lines(lines, name)
+    if not any(AIS_SENTENCE.search(line) for line in lines_of(path, Tally())):
+        count = sum(1 for _ in lines_of(path, Tally()))
+        raise InputError(f"feed: {path}: got no AIS sentence in {count} lines, needed !AIVDM or !AIVDO")
+    return _of_lines(path, name)
 
 
-def _of_lines(lines: list[bytes], name: str) -> Iterator[Batch]:
-    """Lines by their time stamps. Args: name: of their format."""
-    stamps, begin, time_s = FORMATS[name].stamps, 0, -math.inf
-    assert stamps is not None
-    for number, stamp_s in stamps(lines):
+def _of_lines(path: Path, name: str) -> Iterator[Batch]:
+    """The lines of a file by their time stamps, as they are read. Args: name: of their format."""
+    times, time_s = FORMATS[name].sending_times, -math.inf
+    assert times is not None
+    sent, waiting = 0, list[bytes]()
+
+    def lines() -> Iterator[bytes]:
+        for line in lines_of(path, Tally()):
+            waiting.append(line.rstrip(b"\r\n"))
+            yield waiting[-1]
+
+    for number, stamp_s in times(lines()):
         if stamp_s > time_s:
-            if math.isfinite(time_s) and number - 1 > begin:
-                yield time_s, partial(_constant, [name], lines[begin : number - 1])
-                begin = number - 1
+            before = number - 1 - sent
+            if math.isfinite(time_s) and before:
+                yield time_s, partial(_constant, [name], waiting[:before])
+                del waiting[:before]
+                sent += before
             time_s = stamp_s
-    if begin < len(lines):
-        yield max(time_s, 0.0), partial(_constant, [name], lines[begin:])
+    if waiting:
+        yield max(time_s, 0.0), partial(_constant, [name], waiting)
 
 
 def _of_blocks(path: Path, name: str) -> Iterator[Batch]:
     """The blocks of a file without packets by their time of day, which goes on over midnight. Raises: InputError: none has one."""
-    stamps, time_s, first = FORMATS[name].stamps, math.nan, list[bytes]()  # blocks before the first time of day
-    assert stamps is not None
+    times, time_s, first = FORMATS[name].sending_times, math.nan, list[bytes]()  # blocks before the first time of day
+    assert times is not None
     for _, block, _ in items_of(WireFile(str(path), name, path), Tally()):
-        of_day_s = next((stamp_s for _, stamp_s in stamps([block])), math.nan)
+        of_day_s = next((stamp_s for _, stamp_s in times([block])), math.nan)
         if math.isfinite(of_day_s):
             time_s = nearest_s(of_day_s, time_s) if math.isfinite(time_s) else of_day_s
         first.append(block)
@@ -256,7 +265,7 @@ class _File:
 
 def _opened(address: Address, stack: ExitStack, say: Callable[[str], None]) -> Sender:
     if address.transport in MQTT_PORTS or FORMATS[address.format].encode is None:
-        encoders = " or ".join(", ".join(name for name, one in FORMATS.items() if one.encode).rsplit(", ", 1))
+        encoders = " or ".join(", ".join(ENCODED).rsplit(", ", 1))
         raise AddressError(f"feed: got {address.text!r}, needed a feed of {encoders} that is not MQTT, to send to it")
     if address.transport == "udp":
         return _Datagrams(address, stack)
