@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, and_, func, insert, select, text
 
+from coastwatch.errors import StoreError
 from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.schema.database import Store, reading, writing
 from coastwatch.store.schema.tables import ZONE
@@ -50,19 +51,33 @@ def add_zone(store: Store, scenario: str, definition: Mapping[str, object], *, a
     return StoredZone(number, 1, definition)
 
 
+class ZoneChangedError(StoreError):
+    """A zone has another version than the caller knows."""
+
+
 def change_zone(
-    store: Store, scenario: str, number: int, definition: Mapping[str, object] | None, *, at_s: float, who: str
+    store: Store,
+    scenario: str,
+    number: int,
+    definition: Mapping[str, object] | None,
+    *,
+    at_s: float,
+    who: str,
+    versions: Collection[int] | None = None,
 ) -> StoredZone | str | None:
     """Replace a zone, or delete it. Returns: it as it is or was; the name where another one has it; None where there is no such zone.
 
-    Args: definition: none: delete it.
-    Raises: StoreError.
+    Args: definition: none: delete it; versions: it must have one of them; none: any.
+    Raises: ZoneChangedError: somebody changed it since; StoreError.
     """
     with writing(store) as connection:
         _wait_for_others(connection)
         before = next((zone for zone in _zones(connection, scenario) if zone.number == number), None)
         if before is None:
             return None
+        if versions is not None and before.version not in versions:
+            needed = f"needed version {before.version}, the newest: look at it again, then change it"
+            raise ZoneChangedError(f"zone {before.definition['name']!r}: somebody has changed it meanwhile, {needed}")
         if definition is not None and _named(connection, scenario, definition["name"]) not in (None, number):
             return str(definition["name"])
         _write(connection, scenario, number, before.version + 1, definition, at_s, who)

@@ -440,6 +440,14 @@ def test_a_zone_is_drawn_on_the_chart_saved_and_deleted(world: World, watch: Wat
     assert zone["properties"]["enter"]
     assert zone["properties"]["radius_nm"] > 0.1
     assert watch.ask("coastwatch.state.selected") == 0  # a click while drawing selects nothing
+    watch.page.click("#zone-rows button[aria-label='Change ring']")
+    own = zone["properties"]
+    theirs = {name: own[name] for name in ("name", "kind", "centre_deg", "radius_nm")} | {"max_speed_kn": 7.0}
+    httpx.put(f"{address}/{zone['id']}", json=theirs).raise_for_status()  # another operator, meanwhile
+    watch.page.click("#zone-save")
+    watch.until("document.getElementById('message').textContent", lambda text: "changed it meanwhile" in text)
+    assert httpx.get(f"{address}/{zone['id']}").json()["properties"]["max_speed_kn"] == 7.0
+    watch.until("document.getElementById('zone-rows').textContent", lambda text: "over 7 kn" in text)
     watch.page.once("dialog", lambda dialog: dialog.accept())
     watch.page.click("#zone-rows button[aria-label='Delete ring']")
     watch.until("document.getElementById('zone-rows').textContent", lambda text: text == "no zones")

@@ -125,6 +125,27 @@ def test_zones_are_added_changed_and_deleted_and_a_live_run_watches_them(changin
     assert done == [(0, 3, True, "loopback"), (0, 2, False, "loopback"), (1, 1, False, "loopback"), (0, 1, False, "loopback")]
 
 
+def test_a_change_of_a_version_that_another_has_changed_is_refused(changing: Served) -> None:
+    path = f"http://{changing.address}/api/v1/zones"
+    made = httpx.post(path, json=BAY)
+    number, tag = made.json()["id"], made.headers["etag"]
+    one = f"{path}/{number}"
+    assert tag == httpx.get(one).headers["etag"] == '"1"'
+    first = httpx.put(one, json={**BAY, "leave": True}, headers={"If-Match": tag})
+    assert (first.status_code, first.headers["etag"]) == (200, '"2"')
+    for stale in (tag, 'W/"2"', '"3", "x"'):
+        for method, body in (("PUT", {**BAY, "dwell_s": 9.0}), ("DELETE", None)):
+            answer = httpx.request(method, one, json=body, headers={"If-Match": stale})
+            said = "zone 'bay': somebody has changed it meanwhile, needed version 2, the newest"
+            assert (answer.status_code, answer.json()["detail"].startswith(said)) == (412, True), answer.text
+    assert httpx.get(one).json()["properties"]["leave"] is True
+    assert httpx.put(one, json=BAY, headers={"If-Match": "2"}).status_code == 422
+    for headers in ({"If-Match": '"7", "2"'}, {"If-Match": "*"}, {}):  # without it the last one wins, as ever
+        assert httpx.put(one, json=BAY, headers=headers).status_code == 200
+    assert httpx.delete(one, headers={"If-Match": '"5"'}).status_code == 200
+    assert [httpx.delete(one, headers={"If-Match": '"5"'}).status_code, httpx.get(one).status_code] == [404, 404]
+
+
 def test_a_stored_zone_that_is_refused_today_is_shown_and_deleted_and_ends_no_run(changing: Served) -> None:
     old = {"name": "old", "kind": "line", "points_deg": [[1.0, 2.0], [1.0, 2.0]], "crossing": "both"}
     other = {"name": "other", "kind": "star", "corners": 5}

@@ -25,8 +25,8 @@ export async function ask(path, options = {}) {
 export const getJson = async (path, options) => (await ask(path, options)).json();
 export const getBytes = async (path) => (await ask(path)).arrayBuffer();
 
-export const sendJson = async (method, path, body) =>
-  (await ask(path, { method, headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(body) })).json();
+export const sendJson = async (method, path, body, headers = {}) =>
+  (await ask(path, { method, headers: { 'Content-Type': 'application/json', ...headers }, body: JSON.stringify(body) })).json();
 export const postJson = (path, body) => sendJson('POST', path, body);
 
 /** Exchanges a token for the cookie of this page. */

@@ -13,7 +13,7 @@ export class Zones {
   drawing = false;
   #points = [];
   #byKey = false; // whether the newest point came from the keyboard
-  #number = null; // of the zone that is changed; null: a new one
+  #changed = null; // the zone that is changed, as it was shown; null: a new one
 
   constructor(app) {
     this.app = app;
@@ -110,8 +110,8 @@ export class Zones {
     const kind = byId('zone-kind').value;
     byId('zone-draw').setAttribute('aria-pressed', String(this.drawing));
     byId('zone-save').disabled = this.#points.length < NEEDED[kind];
-    byId('zone-cancel').disabled = !this.drawing && this.#number === null && !this.#points.length;
-    byId('zone-title').textContent = this.#number === null ? 'New zone' : 'Change a zone';
+    byId('zone-cancel').disabled = !this.drawing && !this.#changed && !this.#points.length;
+    byId('zone-title').textContent = !this.#changed ? 'New zone' : 'Change a zone';
     byId('zone-hint').textContent = hintOf(kind, this.#points.length, this.drawing);
     for (const part of document.querySelectorAll('#zone-form [data-of]')) part.hidden = (part.dataset.of === 'line') !== (kind === 'line');
     setDraft(this.app.map, draftOf(kind, this.#points));
@@ -120,7 +120,7 @@ export class Zones {
 
   #edit(zone) {
     this.clear();
-    this.#number = zone.number;
+    this.#changed = zone;
     for (const name of ['name', 'kind', 'min_speed_kn', 'max_speed_kn', 'crossing']) byId(`zone-${name}`).value = zone[name] ?? '';
     byId('zone-dwell_min').value = zone.dwell_s ? zone.dwell_s / 60 : '';
     for (const name of ['enter', 'leave']) byId(`zone-${name}`).checked = zone[name];
@@ -130,7 +130,7 @@ export class Zones {
 
   /** Leaves what was begun. */
   clear() {
-    this.#number = null;
+    this.#changed = null;
     this.#points = [];
     this.drawing = false;
     byId('zone-form').reset();
@@ -145,18 +145,18 @@ export class Zones {
       min_speed_kn: number('min_speed_kn'), max_speed_kn: number('max_speed_kn'),
     };
     const zone = definitionOf(form, this.#points);
-    const path = this.#number === null ? 'zones' : `zones/${this.#number}`;
-    await this.#change(this.#number === null ? 'POST' : 'PUT', path, zone, ruleWords(zone) === NO_RULE
+    await this.#change(this.#changed ? 'PUT' : 'POST', this.#changed, zone, ruleWords(zone) === NO_RULE
       ? `Saved: ${form.name}. It has no rule, so it raises no alarm: Change gives it one.` : `Saved: ${form.name}.`);
   }
 
   #remove(zone) {
-    if (confirm(`Delete the zone ${zone.name}?`)) this.#change('DELETE', `zones/${zone.number}`, undefined, `Deleted: ${zone.name}.`);
+    if (confirm(`Delete the zone ${zone.name}?`)) this.#change('DELETE', zone, undefined, `Deleted: ${zone.name}.`);
   }
 
-  async #change(method, path, body, done) {
+  /** Asks the server for a change of a zone as it was shown; null: of a new one. It refuses where others have changed it since. */
+  async #change(method, zone, body, done) {
     try {
-      await sendJson(method, path, body);
+      await sendJson(method, zone ? `zones/${zone.number}` : 'zones', body, zone ? { 'If-Match': `"${zone.version}"` } : {});
       this.clear();
       this.app.say(done);
     } catch (error) {

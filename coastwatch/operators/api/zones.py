@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import time
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import APIRouter, HTTPException, Path, Request
+from fastapi import APIRouter, Header, HTTPException, Path, Request, Response
 from pydantic import ValidationError
 
 from coastwatch import store
@@ -17,7 +18,7 @@ from coastwatch.operators.api.answers import REFUSALS, In
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.validation import MOST_ERRORS, CheckedRoute
 from coastwatch.scenario.refusing import refusals
-from coastwatch.store.zones import FIRST_NUMBER, StoredZone
+from coastwatch.store.zones import FIRST_NUMBER, StoredZone, ZoneChangedError
 
 MOST_ZONES = 500
 CORNERS = 72
@@ -27,6 +28,16 @@ Number = Annotated[int, Path(ge=1, le=2**53)]
 CONFLICT: dict[int | str, dict[str, Any]] = {
     409: {"description": "another zone has the name, or the zone is of the scenario file"}
 }
+CHANGED: dict[int | str, dict[str, Any]] = {412: {"description": "the zone has another ETag than If-Match"}}
+TAGGED: dict[int | str, dict[str, Any]] = {
+    status: {"description": "the zone", "headers": {"ETag": {"description": "its version", "schema": {"type": "string"}}}}
+    for status in (200, 201)
+}
+TAG = r'(?:W/)?"[\x21\x23-\x7e]*"'
+IfMatch = Annotated[
+    str | None,
+    Header(max_length=200, pattern=rf"^(?:\*|{TAG}(?: *, *{TAG})*)$", description="the ETag of the zone that is to be changed"),
+]
 router = APIRouter(prefix="/api/v1", responses=REFUSALS, route_class=CheckedRoute)
 
 
@@ -45,8 +56,8 @@ def changes(service: In) -> dict[str, list[dict[str, object]]]:
     return {"changes": export.as_objects(presentation.in_operator_units(rows))}
 
 
-@router.post("/zones", status_code=201, responses=CONFLICT)
-def add(zone: Zone, request: Request, service: In) -> dict[str, object]:
+@router.post("/zones", status_code=201, responses=CONFLICT | {201: TAGGED[201]})
+def add(zone: Zone, request: Request, response: Response, service: In) -> dict[str, object]:
     """Add a zone, as `[[zones]]` of a scenario file. A live run watches it from its next cycle on. Returns: its feature."""
     run_row = service.run_row()
     if len(store.zones(service.store, run_row["scenario"])) >= MOST_ZONES:
@@ -56,33 +67,74 @@ def add(zone: Zone, request: Request, service: In) -> dict[str, object]:
     stored = store.add_zone(service.store, run_row["scenario"], definition, at_s=time.time(), who=request.state.who)
     if stored is None:
         raise HTTPException(409, f"name: got {zone.name!r}, which another zone has, needed a new one")
+    response.headers["ETag"] = _tag(stored)
     return _feature(stored, zone)
 
 
-@router.put("/zones/{number:int}", responses=CONFLICT)
-def change(number: Number, zone: Zone, request: Request, service: In) -> dict[str, object]:
-    """Replace a zone. Returns: its feature."""
-    return _feature(_changed(number, zone, request, service), zone)
+@router.get("/zones/{number:int}", responses={200: TAGGED[200]})
+def zone(number: Number, response: Response, service: In) -> dict[str, object]:
+    """One zone, as in `/zones`. Its ETag is for `If-Match` of a change."""
+    run_row = service.run_row()
+    for stored in (*_of_scenario(run_row), *store.zones(service.store, run_row["scenario"])):
+        if stored.number == number:
+            response.headers["ETag"] = _tag(stored)
+            return _shown(stored)
+    raise HTTPException(404, f"there is no zone {number}")
 
 
-@router.delete("/zones/{number:int}", responses=CONFLICT)
-def delete(number: Number, request: Request, service: In) -> dict[str, object]:
-    """Delete a zone. Its alarms end with the next cycle. Returns: its feature as it was."""
-    return _shown(_changed(number, None, request, service))
+@router.put("/zones/{number:int}", responses=CONFLICT | CHANGED | {200: TAGGED[200]})
+def change(
+    number: Number, zone: Zone, request: Request, response: Response, service: In, if_match: IfMatch = None
+) -> dict[str, object]:
+    """Replace a zone; with `If-Match` only if nobody has changed it since. Returns: its feature."""
+    stored = _changed(number, zone, request, service, if_match)
+    response.headers["ETag"] = _tag(stored)
+    return _feature(stored, zone)
 
 
-def _changed(number: int, zone: Zone | None, request: Request, service: Service) -> StoredZone:
+@router.delete("/zones/{number:int}", responses=CONFLICT | CHANGED)
+def delete(number: Number, request: Request, service: In, if_match: IfMatch = None) -> dict[str, object]:
+    """Delete a zone; with `If-Match` only if nobody has changed it since. Its alarms end with the next cycle.
+
+    Returns: its feature as it was.
+    """
+    return _shown(_changed(number, None, request, service, if_match))
+
+
+def _tag(stored: StoredZone) -> str:
+    return f'"{stored.version}"'
+
+
+def _versions(if_match: str | None) -> list[int] | None:
+    """The versions that a change may be of; None: any. A weak tag is never the same."""
+    if if_match in (None, "*"):
+        return None
+    return [int(tag) for tag in re.findall(r'(?<!W/)"([0-9]{1,18})"', str(if_match))]
+
+
+def _changed(number: int, zone: Zone | None, request: Request, service: Service, if_match: str | None) -> StoredZone:
     """The zone with this number as it is after a change, or as it was before it was deleted. Raises: HTTPException."""
     run_row = service.run_row()
     if number < FIRST_NUMBER:
         if any(number == fixed.number for fixed in _of_scenario(run_row)):
             raise HTTPException(409, f"zone {number} is of the scenario file, needed one that was drawn or sent")
         raise HTTPException(404, f"there is no zone {number}")
-    definition, about = None, {"at_s": time.time(), "who": request.state.who}
+    definition = None
     if zone is not None:
         _refuse_name_of_scenario(run_row, zone.name)
         definition = zone.model_dump(mode="json", exclude_defaults=True)
-    stored = store.change_zone(service.store, run_row["scenario"], number, definition, **about)
+    try:
+        stored = store.change_zone(
+            service.store,
+            run_row["scenario"],
+            number,
+            definition,
+            at_s=time.time(),
+            who=request.state.who,
+            versions=_versions(if_match),
+        )
+    except ZoneChangedError as error:
+        raise HTTPException(412, str(error)) from error
     if isinstance(stored, str):
         raise HTTPException(409, f"name: got {stored!r}, which another zone has, needed a new one")
     if stored is None:
