@@ -67,7 +67,9 @@ process (default: all)"""
     out: Annotated[tuple[str, ...], Option("URL")] = ()
     """send the picture of each cycle: cot+udp://239.2.3.1:6969, cot+tcp://HOST:PORT (Cursor on Target), \
 ttm+udp://HOST:PORT?site=LAT,LON, tll+udp://HOST:PORT (NMEA targets), asterix+udp://HOST:PORT (CAT 062); ?rate=N messages a second (500). \
-Of a region: tracks+nats://HOST:PORT/NAME, its tracks to a stream; repeatable"""
+Over UDP nobody \
+says whether it arrives: the state of the feed is `sending`. Of a region: tracks+nats://HOST:PORT/NAME, its tracks to a stream; \
+repeatable"""
 
     lateness_s: Annotated[float | None, Field(strict=True, ge=0.0, le=3600.0), Option("S", "lateness")] = None
     """seconds that a cycle waits for late reports; later ones are counted and left out (default: 2; of a centre 5)"""

@@ -75,7 +75,8 @@ class FeedState(FeedCounts):
     """The state of a feed for operators, as the API answers it."""
 
     name: str
-    connected: bool
+    connected: bool  # there is a connection, or none is needed
+    state: str  # connected, not connected, or sending: over UDP, where nobody says whether it arrives
     connections: int
     error: str | None
     bytes: int
@@ -88,6 +89,7 @@ class Link:
     """The state and counters of a connection that is made again and again."""
 
     connected: int = 0  # connections that are open now
+    word: str = "connected"  # what an open one is
     connections: int = 0  # made so far
     error: str | None = None  # of the last attempt
     size: int = 0  # bytes
@@ -112,6 +114,7 @@ class Link:
         return {
             "name": name,
             "connected": bool(self.connected),
+            "state": self.word if self.connected else "not connected",
             "connections": self.connections,
             "error": self.error,
             "bytes": self.size,

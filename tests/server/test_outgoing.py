@@ -111,6 +111,7 @@ def test_a_feed_without_listener_is_said_logged_once_and_counts_what_it_loses(
     with OutFeed(parsed_out(f"cot+tcp://127.0.0.1:{port}")) as feed:
         service.outs = (feed,)
         name = feed.counters()["name"]
+        assert feed.counters()["state"] == "not connected"
         wait_for(lambda: feed.error and "refused" in feed.error)
         for _ in range(3):
             feed.receive(picture)
@@ -163,4 +164,5 @@ def test_the_server_counts_what_it_sends(changing: Any) -> None:
         service.outs = (feed,)
         service.receive(service.picture())
         wait_for(lambda: changing.get("/api/v1/feeds").json()["feeds"][-1]["records"] == len(service.picture()))
+        assert changing.get("/api/v1/feeds").json()["feeds"][-1]["state"] == "sending"  # nobody says that it arrives
         assert f'feed="out {feed.address.text}"'.encode() in changing.get("/metrics").content

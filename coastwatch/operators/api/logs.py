@@ -98,7 +98,7 @@ class Watch:
             name, connected, refusal = str(feed["name"]), bool(feed["connected"]), str(feed.get("error") or "")
             if connected != self._connected.get(name, False):
                 level = logging.INFO if connected else logging.WARNING
-                LOG.log(level, "feed connected" if connected else "feed lost", extra={"fields": {"feed": name}})
+                LOG.log(level, f"feed {feed['state']}" if connected else "feed lost", extra={"fields": {"feed": name}})
             self._connected[name] = connected
             if refusal and self._errors.get(name) != refusal:
                 self._errors[name] = refusal

@@ -127,7 +127,11 @@ class _Asked:
             wrong.add_metric([kind_of, name, serious], 1.0)
         yield wrong
         of_feeds = CounterMetricFamily("coastwatch_feed", "Counts of a feed", labels=["feed", "count"])
-        connected = GaugeMetricFamily("coastwatch_feed_connected", "1: a feed has a connection, or needs none", labels=["feed"])
+        connected = GaugeMetricFamily(
+            "coastwatch_feed_connected",
+            "1: a feed has a connection, or needs none, as one that is sent over UDP",
+            labels=["feed"],
+        )
         silent = GaugeMetricFamily("coastwatch_feed_silent_seconds", "For how long nothing has come of a feed", labels=["feed"])
         of_radars = CounterMetricFamily("coastwatch_radar", "Counts of the video of a radar", labels=["feed", "radar", "count"])
         states = GaugeMetricFamily(

@@ -79,7 +79,10 @@ class OutFeed(Link):
     """Sends pictures to one address in a thread. Use it in a `with` block."""
 
     def __init__(self, address: OutAddress) -> None:
-        super().__init__(error=None if address.transport == "udp" else "not connected yet")
+        if address.transport == "udp":
+            super().__init__(word="sending")
+        else:
+            super().__init__(error="not connected yet")
         self.address = address
         self.sent = self.skipped = 0
         pictures = FORMATS[address.format].pictures
