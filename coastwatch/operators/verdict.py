@@ -8,6 +8,9 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from coastwatch.errors import InputError
+from coastwatch.spelling import did_you_mean
+
 HOLDS = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
 REQUIREMENT = re.compile(r"\s*([a-z][\w.]*)\s*(>=|<=|>|<)\s*(\S+)\s*")
 
@@ -36,6 +39,13 @@ def requirement(text: str) -> Requirement:
     if match is None or limit != limit:
         raise argparse.ArgumentTypeError(f"got {text!r}, needed FIGURE>=NUMBER or <=, >, <, such as associations.f1>=0.999")
     return Requirement(match[1], match[2], limit)
+
+
+def check_known(requirements: Sequence[Requirement], names: Sequence[str]) -> None:
+    """Raises: InputError where a required figure is none that a run may have. Args: names: of those."""
+    for name, *_ in requirements:
+        if name not in names:
+            raise InputError(f"--require: got {name!r}, needed one of {', '.join(names)}{did_you_mean(name, names)}")
 
 
 def below_required(scores: Mapping[str, object], requirements: Sequence[Requirement]) -> list[str]:

@@ -117,13 +117,21 @@ def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, di
     if recording.truth is None:
         return {}
     ais = recording.for_scores().ais
-    best = _bound_errors(tally, recording, ais)
-    parts = {
-        "bound": best,
-        "radar": tally.radar,
-        "radar_bound": _bound_errors(tally, recording, ais.take(np.zeros(0, np.int64))),
-        "ais": tally.ais,
-    }
+    best, of_plots = (_bound_errors(tally, recording, some) for some in (ais, ais.take(np.zeros(0, np.int64))))
+    return _figures(tally, best, of_plots)
+
+
+def figure_names() -> list[str]:
+    """Every figure that `result` may have, as "associations.f1"."""
+    decided = Confusion(1, 1, 1, 1)
+    whole = Tally(decided, decided, dark=Dark.over(0), identities=Identities.empty())
+    stages = _figures(whole, Errors(), Errors())
+    return [f"{stage}.{name}" for stage, figures in stages.items() for name in figures]
+
+
+def _figures(tally: Tally, best: Errors, of_plots: Errors) -> dict[str, dict[str, float | int | None]]:
+    """The scores by stage. Args: best, of_plots: errors of the exact filter with all reports, and with plots alone."""
+    parts = {"bound": best, "radar": tally.radar, "radar_bound": of_plots, "ais": tally.ais}
     return {
         "associations": {**_decisions(tally.associations)},
         "bearing_associations": {**_decisions(tally.bearing_associations)},

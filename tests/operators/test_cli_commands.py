@@ -4,7 +4,9 @@ import contextlib
 import csv
 import io
 import json
+import re
 import signal
+import socket
 import sqlite3
 import subprocess
 import time
@@ -163,7 +165,9 @@ def test_runs_are_listed_deleted_and_kept(tmp_path: Path, capsys: pytest.Capture
     assert main(["runs", "delete", "9", "--db", db]) == 1
     capsys.readouterr()
     answer(["runs", "delete", "2", "--db", db], capsys)
-    assert len(answer(["runs", "keep", "0", "--db", db], capsys).splitlines()) == 3
+    assert main(["runs", "keep", "0", "--db", db]) == 2  # it would delete every run
+    assert "runs keep: got 0, needed 1 or more" in capsys.readouterr().err
+    assert len(answer(["runs", "keep", "1", "--db", db], capsys).splitlines()) == 3
     assert [run["run"] for run in json.loads(answer(["runs", "--db", db, "--json"], capsys))] == [1]
 
 
@@ -173,10 +177,10 @@ def test_a_figure_that_fell_is_said_with_exit_code_4(tmp_path: Path, capsys: pyt
     line += [*("--set", "input.count=4", "--set", "cycles=2", "--set", "warmup_s=3")]
     assert main([*line, "--require", "fused_tracks.position_rmse_m>0"]) == 0
     assert "there is no earlier good run" in capsys.readouterr().err
-    assert main([*line, "--require", "fused_tracks.position_rmse_m<0", "--require", "nothing.f1>=0.5"]) == 4
+    assert main([*line, "--require", "fused_tracks.position_rmse_m<0", "--require", "picture.dark_recall>=0.5"]) == 4
     said = capsys.readouterr().err
     assert "fused_tracks.position_rmse_m is " in said
-    assert "nothing.f1 was not scored, required >= 0.5" in said
+    assert "picture.dark_recall was not scored, required >= 0.5" in said
     with contextlib.closing(sqlite3.connect(db)) as raw, raw:  # the run that fell was better; it is not compared with
         raw.execute("UPDATE run SET scores = json_set(scores, '$.fused_tracks.position_rmse_m', 1e-6) WHERE id = 2")
     assert main(line) == 0
@@ -193,6 +197,9 @@ def test_a_figure_that_fell_is_said_with_exit_code_4(tmp_path: Path, capsys: pyt
     assert [run["run"] for run in listed] == [5, 3]  # the newest, and the last good one, with which the next is compared
     assert main([*line, "--require", "f1=3"]) == 2
     assert "got 'f1=3', needed FIGURE>=NUMBER" in capsys.readouterr().err
+    assert main([*line, "--require", "association.f1>=0.5"]) == 2  # before the first cycle: no run is made
+    assert "did you mean 'associations.f1'?" in capsys.readouterr().err
+    assert len(json.loads(answer(["runs", "--db", f"sqlite:///{db}", "--json"], capsys))) == 2
 
 
 @pytest.mark.parametrize(
@@ -384,6 +391,22 @@ def test_ctrl_c_ends_a_run_after_a_whole_cycle(start: Start, tmp_path: Path, cap
     assert made["interrupted"] is True
     assert cycles_in(url) == made["cycles"] >= 3
     answer(["db", "check", "--db", url], capsys)
+
+
+def test_a_second_ctrl_c_ends_a_server_in_order_and_without_a_traceback(start: Start, finished_run: FinishedRun) -> None:
+    served = start("serve", "--db", finished_run.url, "--port", "0")
+    assert served.stderr is not None
+    found = re.search(r"http://127\.0\.0\.1:(\d+)", served.stderr.readline())
+    assert found
+    with socket.create_connection(("127.0.0.1", int(found[1]))) as viewer:
+        viewer.sendall(b"GET /api/v1/alarms/stream HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert viewer.recv(12) == b"HTTP/1.1 200"
+        served.send_signal(signal.SIGINT)
+        time.sleep(0.02)
+        served.send_signal(signal.SIGINT)
+        _, said = served.communicate(timeout=PATIENCE_S)
+    assert served.returncode == 0, said
+    assert said == "coastwatch: stopped\n"
 
 
 def cycles_in(url: str) -> int:

@@ -16,6 +16,7 @@ from coastwatch import store as kept
 from coastwatch.batches import AisAlarms, Associations, Flag, Members, NavStatus, Picture
 from coastwatch.errors import StoreError
 from coastwatch.geodesy import KNOT_M_S, offset_deg
+from coastwatch.operators.cli import main
 from coastwatch.store import INSTANTS, Store
 
 pytestmark = pytest.mark.contract
@@ -345,6 +346,16 @@ def test_every_question_at_an_instant_is_answered_as_it_was_then(
             then, now = replaced(then, **{column: None}), replaced(now, **{column: None})
         assert then.rows == now.rows, name
     assert kept.operator_query(store, "fastest").rows  # what was temporary is gone
+
+
+def test_what_the_past_lacks_of_bearings_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    """Tracks without a vessel, rates and the sites of sonars then are not stored."""
+    assert "only the tracks that were given to a vessel are known" in kept.operator_queries()["bearings"].explanation
+    with pytest.raises(SystemExit):
+        main(["query", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "only those that were given to a vessel" in said
+    assert "site of the sonar in the scenario" in said
 
 
 def test_a_question_before_the_first_cycle_is_refused(store: Store) -> None:

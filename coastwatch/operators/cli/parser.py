@@ -284,7 +284,7 @@ def reproduce(parser: Parser) -> None:
 @_command("runs", "read:runs", "list or delete runs")
 def runs(parser: Parser) -> None:
     """The runs of a database, newest first: scenario, seed, version, cycles, status and main scores. `runs delete ID` deletes
-    one, `runs keep N` all but the newest N; a run that is being written stays. Status died: it was not ended, and its process
+    one, `runs keep N` all but the newest N, 1 or more; a run that is being written stays. Status died: it was not ended, and its process
     is gone, or has written nothing for a minute.
     """
     text = "what to do (default: list)"
@@ -397,7 +397,10 @@ def query(parser: Parser) -> None:
     parser.add_argument("--from", metavar="UTC", type=utc, dest="from_s", help=text.format("first instant"))
     parser.add_argument("--to", metavar="UTC", type=utc, dest="to_s", help=text.format("last instant"))
     parser.add_argument("--kind", metavar="KIND", help="of question `alarms`: only these, e.g. dark")
-    text = "answer as of this instant, ISO 8601 (default: the last cycle)"
+    text = (
+        "answer as of this instant, ISO 8601 (default: the last cycle). Of bearing tracks the past has only those that were given to a "
+        "vessel, without rates, from the site of the sonar in the scenario"
+    )
     parser.add_argument("--at", metavar="UTC", type=utc, help=text)
     add_rows(parser)
 

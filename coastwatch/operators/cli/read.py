@@ -61,6 +61,8 @@ def _write(rows: Rows, options: argparse.Namespace, heading: str = "", columns: 
 def runs(options: argparse.Namespace) -> int:
     if (options.action is None) != (options.number is None):
         raise InputError(f"runs: got {options.action}, needed a number too: `runs delete ID`, `runs keep N`")
+    if options.action == "keep" and not options.number:
+        raise InputError("runs keep: got 0, needed 1 or more; `runs delete ID` deletes the last one")
     with presentation.opened(options.db) as store:
         if options.action == "delete":
             delete_run(store, options.number)

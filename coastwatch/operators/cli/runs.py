@@ -11,12 +11,14 @@ from coastwatch.formats.intake.accounts import LOSSES
 from coastwatch.operators import tracks_csv, verdict
 from coastwatch.operators.cli import DONE, FAILED, FELL, INTERRUPTED, inputs, progress, summary
 from coastwatch.scenario import Scenario, load_scenario, scenario_names
+from coastwatch.scores import figure_names
 from coastwatch.server.run import OnCycle, RunResult, run_scenario
 from coastwatch.spelling import json_value, printable, printable_lines
 
 
 def run(options: argparse.Namespace) -> int:
     scenario = load_scenario(options.scenario, dict(options.settings))
+    verdict.check_known(options.require, figure_names())
     if not options.tracks_csv:
         return carry_out(scenario, options, options.seed)
     origin_deg = options.tracks_origin or (scenario.area.latitude_deg, scenario.area.longitude_deg)

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Any, NamedTuple
 
 import uvicorn
@@ -256,6 +257,15 @@ def listen(service: Service, guard: Guard, options: Deployment, outputs: Outputs
             server.run(sockets=[listener])
 
 
+class _Server(uvicorn.Server):
+    """Ends in order within STOP_S, whatever signals come: a forced end cancels the application, and logs that as an error."""
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """As of `uvicorn.Server`: a second Ctrl-C forces nothing."""
+        super().handle_exit(sig, frame)
+        self.force_exit = False
+
+
 def server_of(app: FastAPI, **more_settings: Any) -> uvicorn.Server:
     """The server of an application, which then knows when it ends. Args: more_settings: of uvicorn."""
     slow_requests = SlowRequestGuard(app, lambda status: app.state.service.metrics.requests.labels(status).inc())
@@ -273,7 +283,7 @@ def server_of(app: FastAPI, **more_settings: Any) -> uvicorn.Server:
         server_header=False,
         **more_settings,
     )
-    server = uvicorn.Server(config)
+    server = _Server(config)
     app.state.stopping = lambda: server.should_exit
     return server
 
