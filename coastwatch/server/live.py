@@ -24,12 +24,12 @@ from coastwatch.server.checkpoint import CheckpointError, Point
 from coastwatch.server.input import Input
 from coastwatch.server.link import Backoff, FeedState
 from coastwatch.server.live_picture import LivePicture, Statics, merge_statics, of_cycle, stored_statics, without_absent
-from coastwatch.server.live_writer import LiveWriter, WriterState
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import Computed, run_scenario
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.troubles import Trouble, of_feeds
 from coastwatch.server.video_health import PlotsOfVideo
+from coastwatch.server.writing.live_writer import LiveWriter, WriterState
 from coastwatch.store import CycleRecord, ForCentres, NoSuchRunError, Store, Written
 
 LOG = logging.getLogger("coastwatch.serve")

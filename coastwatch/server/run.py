@@ -29,7 +29,7 @@ from coastwatch.server.timing import Stopwatch
 from coastwatch.server.video_health import PlotsOfVideo
 from coastwatch.server.warm_up import warm_up
 from coastwatch.server.watched_zones import WatchedZones
-from coastwatch.server.writer import BatchWriter, CycleWriter
+from coastwatch.server.writing.writer import BatchWriter, CycleWriter
 from coastwatch.shipped import DEFAULT_DB
 from coastwatch.stage import Plan
 from coastwatch.store import CycleRecord, ForCentres, SkippedCycle, Store, Written

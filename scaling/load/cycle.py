@@ -17,7 +17,7 @@ import numpy as np
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scores.confusion import Confusion
 from coastwatch.server.timing import date_utc, machine
-from coastwatch.server.writer import STAGE
+from coastwatch.server.writing.writer import STAGE
 from scaling.load import baseline, national
 from scaling.load.options import as_arguments, errors_as_one_line, load_parser
 from scaling.load.progress import report_progress

@@ -31,7 +31,7 @@ from coastwatch.scenario import Scenario
 from coastwatch.scores.confusion import Confusion, bearing_association, decisions
 from coastwatch.server.run import version
 from coastwatch.server.timing import Stopwatch
-from coastwatch.server.writer import BEHIND, STAGE, WAIT, Writer
+from coastwatch.server.writing.writer import BEHIND, STAGE, WAIT, Writer
 from coastwatch.stage import Plan
 from coastwatch.workers import open_workers
 from scaling.load import national

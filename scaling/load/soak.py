@@ -22,7 +22,7 @@ from sqlalchemy import make_url
 from coastwatch.operators.cli.arguments import count
 from coastwatch.operators.cli.progress import report_progress
 from coastwatch.server.timing import date_utc, machine
-from coastwatch.server.writer import STAGE
+from coastwatch.server.writing.writer import STAGE
 from scaling.load import national
 from scaling.load.cycle import MIB, PERIOD_S, heading
 from scaling.load.options import errors_as_one_line, load_parser

@@ -20,13 +20,13 @@ from coastwatch.errors import StoreError
 from coastwatch.operators.api import service as api_service
 from coastwatch.operators.api.service import Service
 from coastwatch.scenario import StoreSettings, load_scenario
-from coastwatch.server import live_writer, skipped_cycles
 from coastwatch.server.alarm_book import AlarmBook
 from coastwatch.server.input import Paced
 from coastwatch.server.link import Backoff
 from coastwatch.server.live import LiveRun, NotRunning
-from coastwatch.server.live_writer import LiveWriter, NotYetStored
 from coastwatch.server.timing import Stopwatch
+from coastwatch.server.writing import live_writer, skipped_cycles
+from coastwatch.server.writing.live_writer import LiveWriter, NotYetStored
 from coastwatch.store import CycleRecord, Store, Written
 from coastwatch.store.schema.migrate import check
 

@@ -10,7 +10,7 @@ from contextlib import suppress
 import pytest
 
 from coastwatch.server.timing import Stopwatch
-from coastwatch.server.writer import Writer
+from coastwatch.server.writing.writer import Writer
 
 pytestmark = pytest.mark.contract
 

@@ -24,10 +24,10 @@ from coastwatch.server.link import FeedState
 from coastwatch.server.live import RunAbout
 from coastwatch.server.live_picture import LivePicture, of_store
 from coastwatch.server.live_video import LiveVideo
-from coastwatch.server.live_writer import NotYetStored
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import version
 from coastwatch.server.troubles import Trouble, of_outs
+from coastwatch.server.writing.live_writer import NotYetStored
 from coastwatch.spelling import utc_text
 from coastwatch.store import Acknowledgement, Asked, Beginnings, Rows, Store
 from coastwatch.store.acknowledgements import SAME_START_S

@@ -18,7 +18,7 @@ from typing import Any
 
 from coastwatch.operators.cli.arguments import count
 from coastwatch.server.timing import date_utc, machine
-from coastwatch.server.writer import STAGE
+from coastwatch.server.writing.writer import STAGE
 from scaling.load import baseline
 from scaling.load.chain import scores as quality
 from scaling.load.chain.run import CycleResult, Load, run_cycles

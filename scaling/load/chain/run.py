@@ -15,7 +15,7 @@ from coastwatch.cycle import gathered, run_cycle, start_run
 from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import Point
 from coastwatch.server.timing import Stopwatch
-from coastwatch.server.writer import BEHIND, STAGE, Writer
+from coastwatch.server.writing.writer import BEHIND, STAGE, Writer
 from coastwatch.workers import open_workers
 from scaling.load.chain import scores as quality
 from scaling.load.chain.reports import initial_state, next_cycle

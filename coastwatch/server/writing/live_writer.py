@@ -20,9 +20,9 @@ from coastwatch.batches import AisStatics, EventChanges
 from coastwatch.batches.struct import size_bytes
 from coastwatch.errors import StoreError
 from coastwatch.server.link import Backoff
-from coastwatch.server.skipped_cycles import bounded, rows
 from coastwatch.server.timing import Stopwatch
-from coastwatch.server.writer import STAGE
+from coastwatch.server.writing.skipped_cycles import bounded, rows
+from coastwatch.server.writing.writer import STAGE
 from coastwatch.store import CycleRecord, ForCentres, NoSuchRunError, SkippedCycle, Written
 
 T = TypeVar("T")
