@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Sensors
 from coastwatch.kernels.arrays import Records
 from coastwatch.kernels.filters.gaussian import Estimates, gate
-from coastwatch.kernels.tracks.columns import Candidates, PlotColumns, RadarColumns
+from coastwatch.kernels.tracks.columns import Candidates, DetectionColumns, PlotColumns, RadarColumns
 from coastwatch.kernels.tracks.existence import EXISTS
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.radar.clutter import ClutterSettings
@@ -132,7 +132,32 @@ class Parts:
         return self.upkeep
 
 
-def learn_turn(parts: Parts, memory: RadarMemory, batch: PlotColumns) -> None:
+class Expected(NamedTuple):
+    """What a look of a radar gives at a batch of M plots, by what is learnt of the radars so far."""
+
+    radars: DetectionColumns  # what each radar detects (R,)
+    false_of_radar_per_m2: Floats  # (R,)
+    detection: float  # probability of a plot of a visible vessel, of this radar
+    false_per_m2: Floats  # (M,) density of false plots at each plot
+    unborn_per_m2: float  # density of plots of vessels without a track
+
+    @property
+    def nobody_per_m2(self) -> Floats:
+        """The density of plots of no track at each plot. (M,)"""
+        return self.false_per_m2 + self.unborn_per_m2
+
+
+def begin_look(parts: Parts, memory: RadarMemory, batch: PlotColumns) -> Expected:
+    """What this look of a radar gives. What is learnt of the radar fades to its time, in place."""
+    _learn_turn(parts, memory, batch)
+    rules, radar = parts.existence, int(batch.sensor[0])
+    detects, every = rules.by_number(memory.rates, parts.sensors.radars)
+    detection, density = float(detects.probability[radar]), float(every[radar])
+    false_per_m2 = _false_plots_at(parts, memory, batch, density)
+    return Expected(detects, every, detection, false_per_m2, float(rules.new_per_m2(detects.probability)[radar]))
+
+
+def _learn_turn(parts: Parts, memory: RadarMemory, batch: PlotColumns) -> None:
     """Let what is learnt of a radar fade to this batch of its plots, and notice a burst of clutter, in place."""
     rules, radars, radar = parts.existence, parts.sensors.radars, int(batch.sensor[0])
     if not rules.rates.learnt:
@@ -144,7 +169,7 @@ def learn_turn(parts: Parts, memory: RadarMemory, batch: PlotColumns) -> None:
     memory.rates.notice_burst(rules.rates, radar, stated, area_m2, free, passed)
 
 
-def false_plots_at(parts: Parts, memory: RadarMemory, batch: PlotColumns, density: float) -> Floats:
+def _false_plots_at(parts: Parts, memory: RadarMemory, batch: PlotColumns, density: float) -> Floats:
     """The density of false plots in one look at each plot of a batch of one radar, also in a local burst. (M,)
 
     A plot counts the less for a local burst the denser the clutter map is there: standing echoes are none. Args: density: of this radar.

@@ -36,7 +36,7 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     without_ended,
     write_chosen,
 )
-from coastwatch.tracks.radar.parts import Parts, begin_tracks, false_plots_at, learn_turn, lively_candidates
+from coastwatch.tracks.radar.parts import Parts, begin_look, begin_tracks, lively_candidates
 from coastwatch.tracks.radar.plot_association import LOOKS, PlotAssociation
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
@@ -67,16 +67,12 @@ class MultiHypothesis(PlotAssociation):
         """Grow, choose and prune by a batch of one radar. Returns: memory, the slot of the chosen leaf that took each plot, or -1."""
         forest, table, rules = forest_of(memory, self.window), memory.table, parts.existence
         radar, sensors = int(batch.sensor[0]), parts.sensors.radars
-        learn_turn(parts, memory, batch)
-        rates, densities = rules.by_number(memory.rates, sensors)
-        detection, density = float(rates.probability[radar]), float(densities[radar])
-        false_per_m2 = false_plots_at(parts, memory, batch, density)
-        unborn_per_m2 = float(rules.new_per_m2(rates.probability)[radar])
-        nobody = false_per_m2 + unborn_per_m2
+        expected = begin_look(parts, memory, batch)
+        nobody = expected.nobody_per_m2
         period_s, before_s = float(sensors.period_s[radar]), table.looked_s[:, radar].copy()
         unseen_s, trees = np.full(len(before_s), -np.inf), forest.trees()
         lone = np.zeros(len(batch.time), np.bool_)
-        look = Look(radar, period_s, detection, unseen_s, before_s, nobody, lone, forest.next_plot, trees.steps)
+        look = Look(radar, period_s, expected.detection, unseen_s, before_s, nobody, lone, forest.next_plot, trees.steps)
         grown, steps = _grown(parts, forest, trees, batch, look, (table.status, *self._pruning.candidates))
         looked = np.isfinite(look.time)
         grown = with_linked(forest, trees, grown, looked)
@@ -94,8 +90,8 @@ class MultiHypothesis(PlotAssociation):
         memory = memory.with_clutter(parts.clutter, batch, np.clip(1.0 - plots[2], 0.0, 1.0), period_s)
         free = np.clip(1.0 - plots[0], 0.0, 1.0)
         if rules.rates.learnt:
-            memory.rates.false_plots[radar] += (free * false_per_m2 / nobody).sum()
-        existence = free * unborn_per_m2 / nobody
+            memory.rates.false_plots[radar] += (free * expected.false_per_m2 / nobody).sum()
+        existence = free * expected.unborn_per_m2 / nobody
         existence[plots[1] > OWNED] = 0.0
         return _begin(parts, replace(memory, forest=forest), existence, batch), taken
 
