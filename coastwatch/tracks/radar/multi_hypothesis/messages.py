@@ -64,6 +64,14 @@ class Heard(NamedTuple):
     log_ratio: Floats  # (A,) likelihood over that of a message of a vessel without a track
 
 
+class Taken(NamedTuple):
+    """Ways in which leaves take messages: W of the pairs of `Heard`, in their order."""
+
+    pair: Ints  # (W,)
+    cost: Floats  # (W,) of the leaf with the message
+    mmsi: Ints  # (W,) of the leaf with the message
+
+
 def take_round(pruning: Pruning, parts: Parts, rules: MessageSettings, memory: RadarMemory, messages: Messages) -> RadarMemory:
     """The memory after these messages, whose gates have no track in common."""
     forest, table, batch = forest_of(memory, pruning.window), memory.table, columns_of(messages)
@@ -82,11 +90,11 @@ def take_round(pruning: Pruning, parts: Parts, rules: MessageSettings, memory: R
     for window in (leaves.plot, leaves.step):
         window[rows, :-1] = window[rows, 1:]
         window[rows, -1] = -1
-    children, steps = _children(parts, rules, table, forest, trees.steps, heard, messages)
-    wrong = -math.log(max(1.0 - rules.correct_id, 1e-12))
+    ways = _taken_by_leaves(rules, table, leaves, heard, messages)
+    children, steps = _children(parts, forest, trees.steps, heard, ways, messages)
     of_tree = leaves.slot[heard.leaf] * MMSI_DIGITS + messages.mmsi[heard.message]
     refuses = (leaves.mmsi[rows] >= 0) & np.isin(leaves.slot[rows] * MMSI_DIGITS + leaves.mmsi[rows], of_tree)
-    leaves.cost[rows[refuses]] += wrong
+    leaves.cost[rows[refuses]] += _cost_of_a_wrong_id(rules)
     grown = Leaves.join([leaves.take(rows), children])
     grown = with_linked(forest, trees, grown.take(np.argsort(grown.slot, kind="stable")), looked, messages.mmsi[heard.message])
     if memory.plots_alone.models:
@@ -154,16 +162,14 @@ def _give_up_names(rules: MessageSettings, table: Table, leaves: Leaves, heard: 
     begin_unnamed(rules, table, slots)
 
 
-def _children(
-    parts: Parts, rules: MessageSettings, table: Table, forest: Forest, first_step: int, heard: Heard, messages: Messages
-) -> tuple[Leaves, FilterSteps]:
-    """The leaves that take a message, and the steps of their filters. The windows of their parents have moved on already.
+def _taken_by_leaves(rules: MessageSettings, table: Table, leaves: Leaves, heard: Heard, messages: Messages) -> Taken:
+    """The ways in which leaves take messages. The windows of leaves have moved on already.
 
     A leaf without an MMSI takes that of the message; if another track has it, it may also take the message alone. So may a leaf with
     another MMSI, or change its own. Of children with one history and one MMSI the cheapest stays.
     """
-    leaves, leaf, message = forest.leaves, heard.leaf, heard.message
-    wrong = -math.log(max(1.0 - rules.correct_id, 1e-12))
+    leaf, message = heard.leaf, heard.message
+    wrong = _cost_of_a_wrong_id(rules)
     own, sent = leaves.mmsi[leaf], messages.mmsi[message]
     usable = is_vessel(sent)
     owner = np.append(table.live, -1)[row_of(table.ids[table.live, 0], sent)]
@@ -184,8 +190,15 @@ def _children(
     for key in keys:
         changed[1:] |= key[order][1:] != key[order][:-1]
     kept = np.sort(order[changed])
-    pair, cost, mmsi = pair[kept], cost[kept], mmsi[kept]
-    children, time_s = leaves.take(leaf[pair]), messages.time_s[message[pair]]
+    return Taken(pair[kept], cost[kept], mmsi[kept])
+
+
+def _children(
+    parts: Parts, forest: Forest, first_step: int, heard: Heard, taken: Taken, messages: Messages
+) -> tuple[Leaves, FilterSteps]:
+    """The leaves that take a message, and the steps of their filters. Args: first_step: row of the first of these steps."""
+    pair, message = taken.pair, heard.message[taken.pair]
+    children, time_s = forest.leaves.take(heard.leaf[pair]), messages.time_s[message]
     after = Filters(*(np.ascontiguousarray(column[pair]) for column in heard.filters))
     updated_s = np.maximum(children.updated_s, time_s)
     before = children.estimates
@@ -193,13 +206,13 @@ def _children(
     kernels.filters.imm.combine_filters(tuple(after), estimates, np.arange(len(pair)), parts.bank.models)
     mean, covariance = kernels.filters.imm.estimate_filters(*(column[pair] for column in heard.predicted))
     mean, covariance = np.ascontiguousarray(mean[:, :4]), np.ascontiguousarray(covariance[:, :4, :4])
-    children.plot[:, -1] = forest.next_plot + message[pair]
+    children.plot[:, -1] = forest.next_plot + message
     children.step[:, -1] = first_step + np.arange(len(pair))
     new = FilterSteps(updated_s, estimates.mean, estimates.covariance, mean, covariance, np.full(len(pair), -1))
     children = replace(
         children,
-        cost=cost,
-        mmsi=mmsi,
+        cost=taken.cost,
+        mmsi=taken.mmsi,
         existence=np.full(len(pair), SURELY),
         misses=np.zeros(len(pair)),
         state=after.state,
@@ -211,6 +224,11 @@ def _children(
         noise_m2_s3=estimates.noise,
     )
     return children, new
+
+
+def _cost_of_a_wrong_id(rules: MessageSettings) -> float:
+    """The cost of a leaf whose vessel sends another MMSI than its own: a negative log-likelihood."""
+    return -math.log(max(1.0 - rules.correct_id, 1e-12))
 
 
 def _awaited_until_s(messages: Messages) -> Floats:
