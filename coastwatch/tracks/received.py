@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -70,6 +70,15 @@ class Differences:
 
     position_m2: Floats  # (S, KEPT) of each source, less the variance of AIS
     velocity_m2_s2: Floats  # (S, KEPT)
+
+
+class _Made(NamedTuple):
+    """Velocities that are made of positions at least SHORTEST_STEP_S apart, NaN where there are none."""
+
+    velocity_m_s: Floats  # (M, 2)
+    over_s: Floats  # (M,) the time between the two positions
+    base_time_s: Floats  # (M,) of the position from which the next one is made
+    base_position_deg: Floats  # (M, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,17 +191,7 @@ class ReceivedTracks(Method):
         moved[known] = difference_m(new.position_deg[known], table.position_deg[row[known]])
         reach = self.max_speed_kn * KNOT_M_S * step_s + 8.0 * sigma_m[new.sensor]
         same = known & (np.hypot(moved[:, 0], moved[:, 1]) <= reach)
-        base_time_s, base_position_deg, velocity = new.time_s.copy(), new.position_deg.copy(), np.full((len(new), 2), np.nan)
-        velocity[same], made_over_s = table.velocity_m_s[row[same]], np.full(len(new), np.nan)
-        made_over_s[same] = table.made_over_s[row[same]]
-        base_time_s[same], base_position_deg[same] = table.base_time_s[row[same]], table.base_position_deg[row[same]]
-        due = np.flatnonzero(new.time_s - base_time_s >= SHORTEST_STEP_S)
-        since_s = (new.time_s - base_time_s)[due, None]
-        velocity[due] = difference_m(new.position_deg[due], base_position_deg[due]) / since_s
-        made_over_s[due] = since_s[:, 0]
-        base_time_s[due], base_position_deg[due] = new.time_s[due], new.position_deg[due]
-        made_over_s[np.isfinite(new.velocity_m_s).all(axis=1)] = np.nan
-        velocity = np.where(np.isfinite(new.velocity_m_s), new.velocity_m_s, velocity)
+        made = _made_velocities(table, new, same, row)
         track = np.full(len(new), -1, np.int64)
         track[same] = table.track[row[same]]
         track[~same] = next_track + np.arange(int((~same).sum()))
@@ -206,16 +205,16 @@ class ReceivedTracks(Method):
             started_s=started,
             interval_s=np.where(same, step_s, 0.0),
             position_deg=new.position_deg,
-            velocity_m_s=velocity,
-            base_time_s=base_time_s,
-            base_position_deg=base_position_deg,
+            velocity_m_s=np.where(np.isfinite(new.velocity_m_s), new.velocity_m_s, made.velocity_m_s),
+            base_time_s=made.base_time_s,
+            base_position_deg=made.base_position_deg,
             covariance=new.covariance,
             origin=new.origin,
             echo_length_m=new.echo_length_m,
             echo_width_m=new.echo_width_m,
             echo_axis_deg=new.echo_axis_deg,
             alternative_m=new.alternative_m,
-            made_over_s=made_over_s,
+            made_over_s=np.where(np.isfinite(new.velocity_m_s).all(axis=1), np.nan, made.over_s),
         )
         kept = np.ones(len(table), np.bool_)
         kept[row[known]] = False
@@ -342,6 +341,19 @@ def _interval_s(memory: ReceivedMemory, newest: TrackReports, count: int) -> Flo
         now_s = float(np.median(step_s[sensor == source]))
         out[source] += INTERVAL_GAIN * (now_s - out[source]) if out[source] else now_s
     return out
+
+
+def _made_velocities(table: ReceivedTable, new: TrackReports, same: Bools, row: Ints) -> _Made:
+    """The velocities of tracks by their positions. Args: same: (M,) tracks that go on; row: (M,) theirs in the table."""
+    velocity, over_s = np.full((len(new), 2), np.nan), np.full(len(new), np.nan)
+    base_time_s, base_position_deg = new.time_s.copy(), new.position_deg.copy()
+    velocity[same], over_s[same] = table.velocity_m_s[row[same]], table.made_over_s[row[same]]
+    base_time_s[same], base_position_deg[same] = table.base_time_s[row[same]], table.base_position_deg[row[same]]
+    due = np.flatnonzero(new.time_s - base_time_s >= SHORTEST_STEP_S)
+    over_s[due] = new.time_s[due] - base_time_s[due]
+    velocity[due] = difference_m(new.position_deg[due], base_position_deg[due]) / over_s[due, None]
+    base_time_s[due], base_position_deg[due] = new.time_s[due], new.position_deg[due]
+    return _Made(velocity, over_s, base_time_s, base_position_deg)
 
 
 def _newest(reports: TrackReports) -> TrackReports:
