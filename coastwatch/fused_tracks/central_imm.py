@@ -229,9 +229,20 @@ class CentralImm(FusionMethod):
         covariance[old:, :, :4, :4] = first.covariance[:, None]
         covariance[old:, :, 4, 4] = np.radians(self.turn_rate_sigma_deg_s) ** 2
         mode[old:], updated[old:], judged[old:] = np.array(self.share) / sum(self.share), time_s, time_s
-        held = plan.held_id, np.arange(old - len(plan.held_id), old), plan.held_since_s
-        known = tracks.track_id, plan.filter_of_track, *held, memory.evidence
-        return VesselFilters(anchor, state, covariance, mode, updated, judged, *known)
+        return VesselFilters(
+            anchor_deg=anchor,
+            state=state,
+            covariance=covariance,
+            mode_probability=mode,
+            updated_s=updated,
+            judged_s=judged,
+            track_id=tracks.track_id,
+            filter_of_track=plan.filter_of_track,
+            held_id=plan.held_id,
+            held_filter=np.arange(old - len(plan.held_id), old),
+            held_since_s=plan.held_since_s,
+            evidence=memory.evidence,
+        )
 
     def _update(
         self,

@@ -99,8 +99,9 @@ class ImmOfTracks(FusionMethod):
         spread[:, :, 4, 4] = self.turn_sigma_rad_s**2
         known = np.flatnonzero(filter_of >= 0)
         old, dt_s = filter_of[known], np.full(len(known), time_s - memory.time_s)
-        filters = memory.state[old], memory.covariance[old], memory.mode_probability[old]
-        state[known], spread[known], mode[known] = kernels.filters.imm.predict_filters(*filters, dt_s, math.inf, self._models())
+        state[known], spread[known], mode[known] = kernels.filters.imm.predict_filters(
+            memory.state[old], memory.covariance[old], memory.mode_probability[old], dt_s, math.inf, self._models()
+        )
         state[known, :, :2] += difference_m(memory.anchor_deg[old], anchor_deg[known])[:, None]
         return anchor_deg, state, spread, mode
 
