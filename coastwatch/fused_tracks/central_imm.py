@@ -263,7 +263,7 @@ class CentralImm(FusionMethod):
         filter_of = np.append(plan.filter_of_track, -1)[plan.track_of_measurement]
         mine = np.flatnonzero((filter_of >= 0) & (filter_of < count))
         mine = mine[np.lexsort((measurements.sensor[mine], measurements.time_s[mine], filter_of[mine]))]
-        m, filter_of, measured_s = measurements.take(mine), filter_of[mine], measurements.time_s[mine]
+        m, filter_of, kernel = measurements.take(mine), filter_of[mine], kernels.filters.fused_filters
         z = np.concatenate([difference_m(m.position_deg, filters.anchor_deg[filter_of]), m.velocity_m_s], axis=1)
         noise = np.zeros((len(m), 4, 4))
         noise[:, :2, :2], noise[:, 2:, 2:] = m.covariance[:, :2, :2], m.covariance[:, 2:, 2:]
@@ -272,15 +272,14 @@ class CentralImm(FusionMethod):
         doubt = np.full(len(m), np.inf)
         doubt[plots] = self.plot_doubt
         decides = np.isfinite(z[:, 2]) | ~has_ais[filter_of]
+        measured = kernel.TimedMeasurements(m.time_s, z, noise, doubt, decides)
         if len(bearings) > 0:
-            of, *lines = self._across_lines_of_sight(filters, plan, bearings, tracked_s)
-            both = (filter_of, measured_s, z, noise, doubt, decides), (of, *lines, ~has_ais[of])
-            joined = [np.concatenate(pair) for pair in zip(*both, strict=True)]
-            order = np.lexsort((joined[1], joined[0]))
-            filter_of, measured_s, z, noise, doubt, decides = (column[order] for column in joined)
+            of_line, lines = self._across_lines_of_sight(filters, plan, bearings, has_ais, tracked_s)
+            filter_of = np.append(filter_of, of_line)
+            both = kernel.TimedMeasurements(*(np.concatenate(pair) for pair in zip(measured, lines, strict=True)))
+            order = np.lexsort((both.time, filter_of))
+            filter_of, measured = filter_of[order], kernel.TimedMeasurements(*(column[order] for column in both))
         begin = np.searchsorted(filter_of, np.arange(count + 1))
-        kernel = kernels.filters.fused_filters
-        measured = kernel.TimedMeasurements(measured_s, z, noise, doubt, decides)
         jumps, sojourns = self.velocity_jump_m_s * JUMP_FACTORS, self.sojourn_s[0] * SOJOURN_FACTORS
         evidence = np.zeros((count, len(jumps) + len(sojourns)))
         compared = kernel.Alternatives(jumps**2, sojourns)
@@ -288,12 +287,12 @@ class CentralImm(FusionMethod):
         return evidence
 
     def _across_lines_of_sight(
-        self, filters: VesselFilters, plan: FilterPlan, bearings: VesselBearings, tracked_s: Floats
-    ) -> tuple[Ints, Floats, Floats, Floats, Floats]:
+        self, filters: VesselFilters, plan: FilterPlan, bearings: VesselBearings, has_ais: Bools, tracked_s: Floats
+    ) -> tuple[Ints, kernels.filters.fused_filters.TimedMeasurements]:
         """Filter (B,) and TimedMeasurements of the bearings of continued filters that are in the gate.
 
         All bearings of a camera share its error of a vessel, the hull and the place on it that is seen. So those less certain than a
-        filter that plots or reports keep would drag it. Args: tracked_s: (G,) of the newest plot or report.
+        filter that plots or reports keep would drag it. Args: has_ais, tracked_s: (G,) as of `_update`.
         """
         filter_of_vessel = np.full(int(bearings.vessel.max()) + 1, -1)
         named = plan.continued < len(filter_of_vessel)
@@ -313,7 +312,8 @@ class CentralImm(FusionMethod):
         order = order[np.lexsort((b.bearing_rad[order], b.time_s[order], filter_of[order]))]
         z, full = np.full((len(order), 4), np.nan), np.zeros((len(order), 4, 4))
         z[:, :2], full[:, :2, :2] = position[order], noise[order]
-        return filter_of[order], b.time_s[order], z, full, np.full(len(order), np.inf)
+        of, undoubted = filter_of[order], np.full(len(order), np.inf)
+        return of, kernels.filters.fused_filters.TimedMeasurements(b.time_s[order], z, full, undoubted, ~has_ais[of])
 
     def _registration(self, plots: Measurements) -> Floats:
         """Covariance of the error of registration of plots: shares of their variance along and across the beam. (M, 2, 2)"""
