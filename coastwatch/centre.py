@@ -247,7 +247,7 @@ def run_centre(
         members,
         octants,
         bearing_associations,
-        RadarCorrections.none(len(sensors.radars)),
+        RadarCorrections.empty(R=len(sensors.radars)),
         vessel_alarms=vessel_alarms,
         events=events,
         unsound=int(odd.sum()),

@@ -73,9 +73,8 @@ class Memory:
     ais_detection: AisDetection  # by the cover of the radars, for the next cycle
     silence: SilenceMemory  # which sensors were heard, and how often
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # for the next cycle
-    expected: ExpectedVessels = field(
-        default_factory=ExpectedVessels.zeros
-    )  # by sensors without contact numbers, in the next cycle
+    # By sensors without contact numbers, in the next cycle
+    expected: ExpectedVessels = field(default_factory=ExpectedVessels.empty)
     beyond: dict[str, int] = field(default_factory=dict)  # reports, tracks and vessels that were dropped as none, by kind
     left_out: dict[str, int] = field(default_factory=dict)  # as of Cycle, of all cycles
     unproven: Unproven = Unproven()  # choices of the trackers of all regions and cycles
@@ -94,7 +93,7 @@ def start_run(scenario: Scenario, sensors: Sensors) -> Memory:
         s.received_tracks.init(),
         start_centre(s),
         s.registration.init(),
-        RadarCorrections.none(len(sensors.radars)),
+        RadarCorrections.empty(R=len(sensors.radars)),
         s.cover.init(),
         AisDetection.empty(),
         s.silence.init(),

@@ -176,7 +176,7 @@ class BearingLikelihood(Method):
         """Which bearing track is which vessel at this cycle, sorted by bearing_row."""
         bearing_tracks, picture, octants, sensors = given.bearing_tracks, given.picture, given.octants, given.sensors
         if not len(sensors.sonars):
-            return memory, BearingAssociations.zeros()
+            return memory, BearingAssociations.empty()
         if len(memory.bias.mean_rad) != len(sensors.sonars):
             memory = replace(
                 memory,

@@ -38,7 +38,7 @@ class Counting(Method):
         return self.threshold_m
 
     def init(self) -> PairCounts:
-        return PairCounts.zeros()
+        return PairCounts.empty()
 
     def step(self, memory: PairCounts, given: AssociationInput) -> tuple[PairCounts, Associations]:
         hits = find_hits(Check(self.threshold_m), given)
@@ -74,7 +74,7 @@ class TwoCountings(Method):
         return self.loose_m
 
     def init(self) -> tuple[PairCounts, PairCounts]:
-        return PairCounts.zeros(), PairCounts.zeros()
+        return PairCounts.empty(), PairCounts.empty()
 
     def step(
         self, memory: tuple[PairCounts, PairCounts], given: AssociationInput
@@ -101,7 +101,7 @@ class CountedTest(Method):
     gate_m: Metres = 1000.0  # pairs farther apart are not tested
 
     def init(self) -> PairCounts:
-        return PairCounts.zeros()
+        return PairCounts.empty()
 
     def step(self, memory: PairCounts, given: AssociationInput) -> tuple[PairCounts, Associations]:
         hits = find_hits(Check(self.gate_m, gate(1.0 - self.significance, STATES), measures_states=True), given)
@@ -129,7 +129,7 @@ class TestThenCounting(Method):
         return self.threshold_m
 
     def init(self) -> PairCounts:
-        return PairCounts.zeros()
+        return PairCounts.empty()
 
     def step(self, memory: PairCounts, given: AssociationInput) -> tuple[PairCounts, Associations]:
         hits = find_hits(Check(self.threshold_m, measures_states=True), given)

@@ -29,11 +29,11 @@ class Hearing(Batch):
     """
 
     heard_s: Floats = column(np.float64, "R")  # newest report; -inf: none since the start
-    usual_s: Floats = column(np.float64, "R")  # interval between reports before; NaN: not known
+    usual_s: Floats = column(np.float64, "R", new=np.nan)  # interval between reports before; NaN: not known
     amount: Floats = column(np.float64, "R")  # vessels on AIS, or plots or tracks of a cycle, when it was heard
     silent: Bools = column(np.bool_, "R")  # no report for much longer than usual
-    stands_from_s: Floats = column(np.float64, "R")  # from when clocks stand in this cycle; inf: they run
-    returned_s: Floats = column(np.float64, "R")  # cycle in which it was heard again after it was silent; -inf: it never was
+    stands_from_s: Floats = column(np.float64, "R", new=np.inf)  # from when clocks stand in this cycle; inf: they run
+    returned_s: Floats = column(np.float64, "R", new=-np.inf)  # cycle in which it was heard again after a silence; -inf: never
 
     @property
     def heard(self) -> Bools:
@@ -44,12 +44,6 @@ class Hearing(Batch):
     def stands(self) -> Bools:
         """(R,) whose clocks stand."""
         return np.isfinite(self.stands_from_s)
-
-    @classmethod
-    def always(cls, sensors: int) -> Hearing:
-        """All of them are heard."""
-        number = np.zeros(sensors)
-        return cls(number, number + np.nan, number, np.zeros(sensors, np.bool_), number + np.inf, number - np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +98,7 @@ class SensorCover:
 def sensor_covers(sensors: Sensors, margin: float, hearing: SensorHearing | None = None) -> tuple[SensorCover, SensorCover]:
     """Where AIS stations and radars cover. Args: margin: share of a range that counts; hearing: none: all are heard."""
     if hearing is None:
-        radars, stations = Hearing.always(len(sensors.radars)), Hearing.always(len(sensors.stations))
+        radars, stations = Hearing.empty(R=len(sensors.radars)), Hearing.empty(R=len(sensors.stations))
     else:
         radars, stations = hearing.radars, hearing.stations
     return _cover(sensors, margin, "stations", stations), _cover(sensors, margin, "radars", radars)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -12,25 +12,37 @@ from coastwatch.kernels.arrays import Array
 from coastwatch.kernels.tables.row_numbers import require_rows
 
 
-def column(dtype: DTypeLike, *shape: str | int, rows_of: str | None = None, least: int = 0) -> Any:
+def column(dtype: DTypeLike, *shape: str | int, rows_of: str | None = None, least: int = 0, new: float = 0) -> Any:
     """A field that holds an array of this dtype and shape; a letter in the shape is one size throughout the struct.
 
-    Args: rows_of: the letter of what it numbers, from `least` on: `check_rows` compares them.
+    Args: rows_of: the letter of what it numbers, from `least` on: `check_rows` compares them; new: the value in a new row.
     """
-    return field(metadata={"dtype": np.dtype(dtype), "shape": shape, "rows_of": rows_of, "least": least})
+    return field(metadata={"dtype": np.dtype(dtype), "shape": shape, "rows_of": rows_of, "least": least, "new": new})
 
 
-def optional_column(*shape: str | int, dtype: DTypeLike = np.float64) -> Any:
-    """As `column`, for a value that a batch need not give: then it is NaN, or -1 for a whole number, in every row."""
+def optional_column(*shape: str | int, dtype: DTypeLike = np.float64, new: float | None = None) -> Any:
+    """As `column`, for a value that a batch need not give: then every row is new. Args: new: none: NaN, or -1 for a whole number."""
+    if new is None:
+        new = np.nan if np.dtype(dtype).kind == "f" else -1
     return field(
         default_factory=lambda: np.zeros((0, *(0 if isinstance(s, str) else s for s in shape[1:])), dtype),
-        metadata={"dtype": np.dtype(dtype), "shape": shape, "optional": True},
+        metadata={"dtype": np.dtype(dtype), "shape": shape, "optional": True, "new": new},
     )
+
+
+def part(struct: type[Struct]) -> Any:
+    """A field that holds another struct, which `Struct.empty` makes with the same sizes."""
+    return field(metadata={"part": struct})
 
 
 def column_or_none(letter: str) -> Any:
     """A column of numbers that is empty, as of no row, where it is not given."""
     return field(default_factory=lambda: np.zeros(0), metadata={"dtype": np.dtype(np.float64), "shape": (letter,)})
+
+
+def new_rows(shape: list[int], dtype: DTypeLike, value: float) -> Array:
+    """An array of this value; of no text where that is 0."""
+    return np.full(shape, value, dtype) if value else np.zeros(shape, dtype)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +67,24 @@ class Struct:
                     raise ValueError(f"{type(self).__name__}.{name}: got shape {got.shape}, needed {shape} with {sizes}")
 
     @classmethod
-    def zeros(cls, **sizes: int) -> Self:
-        """Zeros in every column, of these sizes by letter, 0 where not given. What is no array has its default."""
-        return cls(
-            **{
-                name: np.zeros([s if isinstance(s, int) else sizes.get(s, 0) for s in shape], dtype)
-                for name, dtype, shape in _layout(cls).columns
-            }
-        )
+    def empty(cls, **sizes: int) -> Self:
+        """New rows in every column, of these sizes by letter, 0 where not given. What is neither column nor part has its default."""
+        layout = _layout(cls)
+        columns = {
+            name: new_rows([s if isinstance(s, int) else sizes.get(s, 0) for s in shape], dtype, layout.new[name])
+            for name, dtype, shape in layout.columns
+        }
+        return cls(**columns, **{name: struct.empty(**sizes) for name, struct in layout.parts})
+
+    def with_room(self, letter: str, size: int) -> Self:
+        """The same with at least so many rows in the columns whose first axis has this letter: new ones behind the others."""
+        layout, longer = _layout(type(self)), {}
+        for name, dtype, shape in layout.columns:
+            before = getattr(self, name)
+            if shape[0] == letter and len(before) < size:
+                longer[name] = new_rows([size, *before.shape[1:]], dtype, layout.new[name])
+                longer[name][: len(before)] = before
+        return replace(self, **longer) if longer else self
 
     def check_rows(self) -> None:
         """Check the columns of row numbers, as after reading a checkpoint: kernels do not.
@@ -83,11 +105,13 @@ class Struct:
 
 
 class _Layout(NamedTuple):
-    """The fields of a struct: their names, those a batch may leave out, and name, dtype and shape of each array."""
+    """The fields of a struct: their names, those a batch may leave out, name, dtype and shape of each array, and the other structs."""
 
     names: tuple[str, ...]
     optional: tuple[str, ...]
     columns: tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...]
+    new: dict[str, float]  # the value of each array in a new row
+    parts: tuple[tuple[str, type[Struct]], ...]  # other structs
 
 
 _LAYOUTS: dict[type, _Layout] = {}
@@ -99,7 +123,9 @@ def _layout(struct: type[Struct]) -> _Layout:
         every = fields(struct)
         columns = tuple((f.name, f.metadata["dtype"], f.metadata["shape"]) for f in every if "shape" in f.metadata)
         optional = tuple(f.name for f in every if f.metadata.get("optional"))
-        _LAYOUTS[struct] = _Layout(tuple(f.name for f in every), optional, columns)
+        new = {f.name: f.metadata.get("new", 0) for f in every}
+        parts = tuple((f.name, f.metadata["part"]) for f in every if "part" in f.metadata)
+        _LAYOUTS[struct] = _Layout(tuple(f.name for f in every), optional, columns, new, parts)
     return _LAYOUTS[struct]
 
 
@@ -108,11 +134,11 @@ class Batch(Struct):
     """A Struct whose every column has the same first axis: rows can be counted, taken and joined."""
 
     def __post_init__(self) -> None:
-        for name in _layout(type(self)).optional:
+        layout = _layout(type(self))
+        for name in layout.optional:
             given = getattr(self, name)
             if len(given) == 0 and len(self):
-                absent = np.nan if given.dtype.kind == "f" else -1
-                object.__setattr__(self, name, np.full((len(self), *given.shape[1:]), absent, given.dtype))
+                object.__setattr__(self, name, new_rows([len(self), *given.shape[1:]], given.dtype, layout.new[name]))
         super().__post_init__()
 
     def __len__(self) -> int:
@@ -143,15 +169,6 @@ class Batch(Struct):
             every[name] = np.broadcast_to(np.array(np.nan if dtype.kind == "f" else 0, dtype), shape)
         return type(self)(**every)
 
-    def with_room(self, rows: int) -> Self:
-        """These rows, and so many more behind them whose values are arbitrary."""
-        larger = {}
-        for name in _layout(type(self)).names:
-            old = getattr(self, name)
-            larger[name] = np.empty((len(self) + rows, *old.shape[1:]), old.dtype)
-            larger[name][: len(self)] = old
-        return type(self)(**larger)
-
     def put(self, first: int, rows: Self) -> None:
         """Write these rows over those from a first one on, in place."""
         for name in _layout(type(self)).names:
@@ -163,11 +180,6 @@ class Batch(Struct):
         if not parts:
             return cls.empty()
         return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in _layout(cls).names})
-
-    @classmethod
-    def empty(cls, **sizes: int) -> Self:
-        """No rows. Letters other than the first take their size from the arguments, 0 where not given."""
-        return cls.zeros(**sizes)
 
 
 def size_bytes(value: object) -> int:

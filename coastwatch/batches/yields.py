@@ -353,10 +353,10 @@ class RadarCorrections(Batch):
     azimuth_bias_rad: Floats = column(np.float64, "R")  # how far its azimuths are clockwise of the truth
     range_bias_m: Floats = column(np.float64, "R")  # how far its ranges are too long
     time_lag_s: Floats = column(np.float64, "R")  # how late its time stamps are
-    estimated_lag_s: Floats = column(np.float64, "R")  # NaN if unknown; it becomes time_lag_s once it is known well
-    azimuth_sigma_rad: Floats = column(np.float64, "R")  # of the estimates; NaN if unknown
-    range_sigma_m: Floats = column(np.float64, "R")
-    lag_sigma_s: Floats = column(np.float64, "R")
+    estimated_lag_s: Floats = column(np.float64, "R", new=np.nan)  # NaN if unknown; it becomes time_lag_s once it is known well
+    azimuth_sigma_rad: Floats = column(np.float64, "R", new=np.nan)  # of the estimates; NaN if unknown
+    range_sigma_m: Floats = column(np.float64, "R", new=np.nan)
+    lag_sigma_s: Floats = column(np.float64, "R", new=np.nan)
     references: Ints = column(np.int64, "R")  # vessels behind the estimate
     residuals: Floats = column(np.float64, "R")  # plots behind it; old ones count less
     state: Ints = column(np.int64, "R")  # RegistrationState
@@ -368,19 +368,15 @@ class RadarCorrections(Batch):
     found_odds: Floats = optional_column("R")  # the same when the bias that is applied was found
     voices: Floats = optional_column("R")  # vessels under way, and squares with vessels at rest, that speak for the candidate
     rival_share: Floats = optional_column("R")  # of all evidence, that the best other bias has
-    site_error_m: Floats = optional_column("R", 2)  # how far the stated site is east and north of the true one; 0: not known
+    site_error_m: Floats = optional_column(
+        "R", 2, new=0
+    )  # how far the stated site is east and north of the true one; 0: not known
     site_sigma_m: Floats = optional_column("R", 2)  # NaN where the site is not estimated
-    range_scale: Floats = optional_column("R")  # by which share of themselves its ranges are too long; 0: not known
+    range_scale: Floats = optional_column("R", new=0)  # by which share of themselves its ranges are too long; 0: not known
     range_scale_sigma: Floats = optional_column("R")  # NaN where it is not estimated
-    noise_factor: Floats = optional_column("R", 2)  # times the stated noise that its ranges and azimuths have; 1: as stated
-
-    @classmethod
-    def none(cls, radars: int) -> RadarCorrections:
-        """No correction for any radar."""
-        zero, unknown = np.zeros(radars), np.full(radars, np.nan)
-        number, no = np.zeros(radars, np.int64), np.zeros(radars, np.bool_)
-        more = {"site_error_m": np.zeros((radars, 2)), "range_scale": zero, "noise_factor": np.ones((radars, 2))}
-        return cls(zero, zero, zero, unknown, unknown, unknown, unknown, number, zero, number, no, **more)
+    noise_factor: Floats = optional_column(
+        "R", 2, new=1
+    )  # times the stated noise that its ranges and azimuths have; 1: as stated
 
 
 COVER_AZIMUTHS, COVER_RANGES = 72, 16

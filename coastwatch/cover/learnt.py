@@ -49,8 +49,8 @@ class Visits(Batch):
 class CellCounts(Batch):
     """Sums over turns for each of R radars and its C cells. Older turns count less."""
 
-    site_deg: Floats = column(np.float64, "R", 2)  # of the antenna; NaN before the first plot
-    newest_s: Floats = column(np.float64, "R")  # newest plot; NaN before the first
+    site_deg: Floats = column(np.float64, "R", 2, new=np.nan)  # of the antenna; NaN before the first plot
+    newest_s: Floats = column(np.float64, "R", new=np.nan)  # newest plot; NaN before the first
     turns: Floats = column(np.float64, "R")
     false_turns: Floats = column(np.float64, "R")  # in which false plots were counted
     ais_looks: Floats = column(np.float64, "R", CELLS)  # at AIS vessels that have left the cell
@@ -58,12 +58,6 @@ class CellCounts(Batch):
     track_looks: Floats = column(np.float64, "R", CELLS)  # at confirmed tracks of plots
     track_plots: Floats = column(np.float64, "R", CELLS)
     false_plots: Floats = column(np.float64, "R", CELLS)  # of no confirmed track
-
-    @classmethod
-    def none(cls, radars: int) -> CellCounts:
-        """Nothing counted."""
-        nan, cells = np.full(radars, np.nan), [np.zeros((radars, CELLS)) for _ in range(5)]
-        return cls(np.full((radars, 2), np.nan), nan, np.zeros(radars), np.zeros(radars), *cells)
 
     def forgotten(self, keep: Floats) -> CellCounts:
         """The same with all sums times a factor. Args: keep: (R,)"""
@@ -126,7 +120,7 @@ class LearntCover(Method):
     most_plots: Count = 4096  # of a cycle; with more, false plots are counted in one of 2, 4, ... cycles
 
     def init(self) -> CoverMemory:
-        return CoverMemory(Visits.empty(), CellCounts.none(0), 0)
+        return CoverMemory(Visits.empty(), CellCounts.empty(), 0)
 
     def step(self, memory: CoverMemory, given: CoverInput) -> tuple[CoverMemory, CoverOutput]:
         """The cover of each radar after this cycle. Nothing is learnt of a silent radar, and it detects nobody."""
@@ -139,7 +133,7 @@ class LearntCover(Method):
         )
         if not len(sensors.radars):
             return memory, CoverOutput(RadarCover.empty(), AisDetection.empty())
-        counts = memory.counts if len(memory.counts) else CellCounts.none(len(sensors.radars))
+        counts = memory.counts if len(memory.counts) else CellCounts.empty(R=len(sensors.radars))
         turned = _turned(counts, plots, sensors)
         before = memory.visits.take(~jumped[memory.visits.radar])
         ring_m = sensors.radars.range_m / COVER_RANGES

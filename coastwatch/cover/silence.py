@@ -26,13 +26,13 @@ MOST_LEARNT = 2.0  # a pause is learnt as at most so many times what makes a sen
 class Habits(Batch):
     """What was heard of sensors: radars, track sources, AIS as a whole, then each AIS station. S rows."""
 
-    heard_s: Floats = column(np.float64, "S")  # newest report; -inf: none
+    heard_s: Floats = column(np.float64, "S", new=-np.inf)  # newest report; -inf: none
     stood_s: Floats = column(np.float64, "S")  # time since then in which nothing was asked of it
-    usual_s: Floats = column(np.float64, "S")  # mean pause between cycles with reports; NaN: not known
+    usual_s: Floats = column(np.float64, "S", new=np.nan)  # mean pause between cycles with reports; NaN: not known
     pauses: Floats = column(np.float64, "S")  # behind it, up to less than LEARNT_OVER
     amount: Floats = column(np.float64, "S")  # as of `Hearing`
     silent: Bools = column(np.bool_, "S")
-    returned_s: Floats = column(np.float64, "S")  # as of `Hearing`
+    returned_s: Floats = column(np.float64, "S", new=-np.inf)  # as of `Hearing`
     has_own: Bools = column(np.bool_, "S")  # of a station: heard from where no other one reaches
 
 
@@ -84,7 +84,7 @@ class UsualPauses(Method):
         reports, ais_tracks, time_s, sensors = given
         kinds = len(sensors.radars), len(sensors.track_sources), 1 + len(sensors.stations)
         whole = kinds[0] + kinds[1]
-        before = memory.habits if len(memory.habits) else _nothing_heard(sum(kinds))
+        before = memory.habits if len(memory.habits) else Habits.empty(S=sum(kinds))
         turn_s = np.append(sensors.radars.period_s, np.zeros(sum(kinds[1:])))
         came = _heard(reports, ais_tracks, before, time_s, sensors)
         after = _learnt(before, came, self._allowed_s(before, turn_s, kinds), kinds[0] + kinds[1])
@@ -121,13 +121,8 @@ class UsualPauses(Method):
         return allowed_s
 
 
-def _nothing_heard(rows: int) -> Habits:
-    none, no = np.zeros(rows), np.zeros(rows, np.bool_)
-    return Habits(none - np.inf, none, none + np.nan, none, none, no, none - np.inf, no)
-
-
 def _heard(reports: Reports, ais_tracks: Tracks, before: Habits, time_s: float, sensors: Sensors) -> Heard:
-    """What came of each sensor, of the reports with a time. Args: before: as of `_nothing_heard`."""
+    """What came of each sensor, of the reports with a time. Args: before: the habits before the cycle."""
     radars, sources, stations = len(sensors.radars), len(sensors.track_sources), len(sensors.stations)
     whole = radars + sources
     count, newest_s = np.zeros(len(before)), np.full(len(before), -np.inf)

@@ -134,7 +134,7 @@ class CentralImm(FusionMethod):
 
     def init(self) -> VesselFilters:
         """No filter."""
-        return VesselFilters.zeros(J=MODELS, A=len(JUMP_FACTORS) + len(SOJOURN_FACTORS))
+        return VesselFilters.empty(J=MODELS, A=len(JUMP_FACTORS) + len(SOJOURN_FACTORS))
 
     def step(self, memory: VesselFilters, given: FusionInput) -> tuple[VesselFilters, FusedTracks]:
         """One estimate a vessel: memory, and one row for each vessel number.

@@ -52,7 +52,7 @@ class ImmOfTracks(FusionMethod):
     unknown_velocity_sigma_m_s: Positive = 0.5
 
     def init(self) -> TrackFilters:
-        return TrackFilters.zeros(J=MODELS)
+        return TrackFilters.empty(J=MODELS)
 
     def step(self, memory: TrackFilters, given: FusionInput) -> tuple[TrackFilters, FusedTracks]:
         """One estimate a vessel: memory, and one row for each vessel number."""

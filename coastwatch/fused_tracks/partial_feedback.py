@@ -49,7 +49,7 @@ class PartialFeedback(FusionMethod):
     unknown_velocity_sigma_m_s: Positive = 0.5  # of a source that gives no covariance
 
     def init(self) -> FeedbackFilters:
-        return FeedbackFilters.zeros()
+        return FeedbackFilters.empty()
 
     def step(self, memory: FeedbackFilters, given: FusionInput) -> tuple[FeedbackFilters, FusedTracks]:
         """One estimate a vessel: memory, and one row for each vessel number."""

@@ -54,8 +54,8 @@ class Identity(IdentitySettings):
     """
 
     def init(self) -> PictureMemory:
-        vessels, tracks, flags, past = KnownVessels.none(), KnownTracks.zeros(), FlagMemory.none(), AisPast.zeros()
-        return PictureMemory(vessels, tracks, 1, flags, past, Confirmations.zeros(), np.zeros(0, np.bool_))
+        vessels, tracks, flags, past = KnownVessels.none(), KnownTracks.empty(), FlagMemory.none(), AisPast.empty()
+        return PictureMemory(vessels, tracks, 1, flags, past, Confirmations.empty(), np.zeros(0, np.bool_))
 
     def step(self, memory: PictureMemory, given: PictureInput) -> tuple[PictureMemory, PictureOutput]:
         """The picture of this cycle, and the tracks in it."""

@@ -38,23 +38,16 @@ class Acquisition(Batch):
     found: Bools = column(np.bool_, "R")  # a bias is known
     acquired: Bools = column(np.bool_, "R")  # it was found, or found elsewhere, in this cycle
     doubtful: Bools = column(np.bool_, "R")  # another bias is significant, but not by enough
-    begun_s: Floats = column(np.float64, "R")  # first decision; infinite: none yet
-    decided_s: Floats = column(np.float64, "R")  # last decision
-    watch_s: Floats = column(np.float64, "R")  # time constant of the evidence once a bias is found
+    begun_s: Floats = column(np.float64, "R", new=np.inf)  # first decision; infinite: none yet
+    decided_s: Floats = column(np.float64, "R", new=-np.inf)  # last decision
+    watch_s: Floats = column(np.float64, "R", new=np.nan)  # time constant of the evidence once a bias is found
     centre: Floats = column(np.float64, "R", 3)  # azimuth rad, range m, lag s about which the errors are estimated
-    azimuth_rad: Floats = column(np.float64, "R")  # candidate; NaN before the first decision
-    range_m: Floats = column(np.float64, "R")
-    odds: Floats = column(np.float64, "R")  # of the candidate against chance
-    found_odds: Floats = column(np.float64, "R")  # the same when it was found
+    azimuth_rad: Floats = column(np.float64, "R", new=np.nan)  # candidate; NaN before the first decision
+    range_m: Floats = column(np.float64, "R", new=np.nan)
+    odds: Floats = column(np.float64, "R", new=np.nan)  # of the candidate against chance
+    found_odds: Floats = column(np.float64, "R", new=np.nan)  # the same when it was found
     groups: Ints = column(np.int64, "R")
-    rival_share: Floats = column(np.float64, "R")  # of all evidence, that the best other bias has
-
-    @classmethod
-    def none(cls, radars: int) -> Acquisition:
-        """Nothing known of any radar."""
-        no, nan, far = np.zeros(radars, np.bool_), np.full(radars, np.nan), np.full(radars, np.inf)
-        centre, groups = np.zeros((radars, 3)), np.zeros(radars, np.int64)
-        return cls(no, no, no, far, -far, nan, centre, nan, nan, nan, nan, groups, nan)
+    rival_share: Floats = column(np.float64, "R", new=np.nan)  # of all evidence, that the best other bias has
 
 
 def decide_all(

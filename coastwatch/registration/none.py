@@ -19,4 +19,4 @@ class NoRegistration(Method):
 
     def step(self, memory: NoMemory, given: RegistrationInput) -> tuple[NoMemory, RadarCorrections]:
         """Unchanged memory; every correction is zero."""
-        return memory, RadarCorrections.none(len(given.sensors.radars))
+        return memory, RadarCorrections.empty(R=len(given.sensors.radars))

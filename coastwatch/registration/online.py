@@ -89,7 +89,7 @@ class OnlineMemory:
             time_s=-np.inf,
             references=References.empty(),
             reference_cells=tuple(ReferenceCells.none() for _ in range(radars)),
-            acquisition=Acquisition.none(radars),
+            acquisition=Acquisition.empty(R=radars),
             shares=EchoShares.empty(),
             information=Information.empty(),
             estimate=estimate,

@@ -26,7 +26,7 @@ def cycle_inputs(scenario: Scenario, recording: Recording, first: int = 0, video
 
     Args: first: number of the cycle; video: it is wanted too.
     """
-    sensors, plan, none = scenario.sensors(), scenario.plan(), RadarCorrections.none(len(scenario.radars))
+    sensors, plan, none = scenario.sensors(), scenario.plan(), RadarCorrections.empty(R=len(scenario.radars))
     converted, extraction, headings = scenario.plots.init(), scenario.extraction.init(), HeadingMemory()
     for cycle in range(first, plan.cycles):
         now_s = plan.instant_s(cycle)

@@ -45,12 +45,12 @@ class KMeansSpots(Method):
     seed: CountOrZero = 0  # whole number that k-means++ starts from
 
     def init(self) -> KMeansMemory:
-        return KMeansMemory.zeros()
+        return KMeansMemory.empty()
 
     def step(self, memory: KMeansMemory, tracks: Tracks) -> tuple[KMeansMemory, Spots]:
         """Spots of these tracks. Args: tracks: (N). Returns: memory and Spots with K >= 1 spots unless there is no track."""
         if len(tracks) == 0:
-            return memory, Spots.zeros()
+            return memory, Spots.empty()
         position = kernels.geometry.ellipsoid.ecef_of_rows(tracks.position_deg, np.arange(len(tracks)))
         if (tracks.source == tracks.source[0]).all():  # tracks of one source are never compared with each other
             none = np.zeros(0, np.int64)

@@ -41,7 +41,7 @@ class OctantSpots(Method):
         """Pairs of rows to compare, sorted by row."""
         bearing_tracks, sensors = given.bearing_tracks, given.sensors
         if not len(bearing_tracks):
-            return memory, Octants.zeros()
+            return memory, Octants.empty()
         candidates = kernels.bearings.candidates
         sensor = bearing_tracks.source - sensors.sonar_source(0)
         vessels = self._vessels_by_octant(sensor, bearing_tracks, given.picture, sensors)

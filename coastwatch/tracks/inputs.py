@@ -32,7 +32,7 @@ class AisOutput(NamedTuple):
     measurements: Measurements  # the reports that went into these tracks
 
 
-NOT_EXPECTED = ExpectedVessels.zeros()
+NOT_EXPECTED = ExpectedVessels.empty()
 
 
 class BearingInput(NamedTuple):

@@ -30,7 +30,7 @@ def main() -> None:
     asked = parser.parse_args()
     scenario = load_scenario("context-driven-1000", settings(asked.vessels, asked.clutter, "sided_imm", asked.cycles))
     sensors, plan = scenario.sensors(), scenario.plan()
-    recording, none = scenario.input.load(sensors, asked.seed, plan), RadarCorrections.none(len(sensors.radars))
+    recording, none = scenario.input.load(sensors, asked.seed, plan), RadarCorrections.empty(R=len(sensors.radars))
     assert recording.truth is not None
     origin = sensors.region_origin_deg[0]
     site = to_plane(sensors.radars.site_deg, origin)

@@ -76,7 +76,7 @@ def cycles_of(overrides: dict[str, str], seed: int, hidden_share: float = 0.0) -
         scenario.ais_tracks.init(),
         scenario.spots.init(),
     )
-    exact, out = RadarCorrections.none(len(sensors.radars)), []
+    exact, out = RadarCorrections.empty(R=len(sensors.radars)), []
     for cycle in range(plan.cycles):
         now = plan.instant_s(cycle)
         part = reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now)

@@ -52,7 +52,7 @@ class Run:
         """One cycle of all regions."""
         scenario, sensors = self.world.scenario, self.world.sensors
         wall_s, begun = time.perf_counter(), processor_s()
-        none, now_s = RadarCorrections.none(len(sensors.radars)), self.world.plan.instant_s(number)
+        none, now_s = RadarCorrections.empty(R=len(sensors.radars)), self.world.plan.instant_s(number)
         messages = [Messages.empty()] * len(sensors.region_names)
         given, _ = reports_of_regions(reports, messages, none, now_s, sensors, Videos())
         found = self.regions(step_of_regions(scenario), self.memories, given[: len(self.memories)])

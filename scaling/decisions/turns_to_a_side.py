@@ -94,7 +94,7 @@ METHODS: dict[str, RadarTracker] = {
 def cycles(scenario: Scenario, recording: Recording, sensors: Sensors, method: RadarTracker) -> Iterator[tuple[float, Tracks]]:
     """Time and radar tracks of each cycle that is scored: plots and tracks alone, no other stage."""
     plan, memory, converted = scenario.plan(), method.init(), scenario.plots.init()
-    exact = RadarCorrections.none(len(sensors.radars))
+    exact = RadarCorrections.empty(R=len(sensors.radars))
     for number in range(plan.cycles):
         since = plan.instant_s(number - 1) if number else -np.inf
         reports = recording.reports.between(since, plan.instant_s(number)).radar

@@ -307,7 +307,7 @@ def _of_cycle(plan: Plan, between: Callable[[float, float], Reports], cycle: int
 def _followed(scenario: Scenario, between: Callable[[float, float], Reports], true: Trajectories) -> dict[str, float]:
     """What the scenario's tracker makes of what comes, at the end of each turn."""
     sensors, plan = scenario.sensors(), scenario.plan()
-    none = RadarCorrections.none(len(sensors.radars))
+    none = RadarCorrections.empty(R=len(sensors.radars))
     step, memory = step_of_regions(scenario), start_region(scenario)
     right, distances, squares, ids, false = [], [], [], set[int](), []
     for cycle in range(plan.cycles):

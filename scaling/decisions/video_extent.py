@@ -84,7 +84,7 @@ def size(case: Case, seeds: range, turns: int) -> dict[str, float]:
     inner = {"radars.0.range_nm": str(reach_nm), "input.cells": str(round(reach_nm * NAUTICAL_MILE_M / 10.85))}
     scenario = load_scenario("heymann-table-1", inner | {"cycles": str(turns)})
     scenario = scenario.model_copy(update={"input": scenario.input.model_copy(update={"ships": (ship,)})})
-    sensors, plan, none = scenario.sensors(), scenario.plan(), RadarCorrections.none(1)
+    sensors, plan, none = scenario.sensors(), scenario.plan(), RadarCorrections.empty(R=1)
     lengths, widths, off_deg = list[float](), list[float](), list[float]()
     pieces, plots, tracks = list[float](), list[float](), list[float]()
     for seed in seeds:

@@ -37,7 +37,7 @@ METHODS: dict[str, dict[str, Any]] = {
 def run(scenario: Scenario, seed: int, methods: dict[str, Any]) -> dict[str, PairScores]:
     """The scores of each method on the tracks of one run."""
     sensors, plan = scenario.sensors(), scenario.plan()
-    recording, none = scenario.input.load(sensors, seed, plan), RadarCorrections.none(len(sensors.radars))
+    recording, none = scenario.input.load(sensors, seed, plan), RadarCorrections.empty(R=len(sensors.radars))
     assert recording.truth is not None
     converted, radar = scenario.plots.init(), scenario.tracks.init()
     ais, of_spots = scenario.ais_tracks.init(), scenario.spots.init()

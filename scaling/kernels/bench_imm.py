@@ -23,7 +23,7 @@ def problem(bank: CompiledBank | FilterpyBank, tracks: int) -> Callable[[], None
     near = place + rng.normal(size=(2, tracks, 2)) * 20.0
     none = np.zeros(tracks, np.int64)
     first, second, third = (PlotColumns(np.full(tracks, 3.0 * k), at, noise, none, none) for k, at in enumerate((place, *near)))
-    table, rows = Table.empty(len(bank.prior.table()), 1).with_slots(rows)
+    table, rows = Table.empty(J=len(bank.prior.table()), R=1).with_slots(rows)
     bank.begin(table, rows, rows, first)
     bank.update(table.filters, table.estimates, rows, rows, second)
 

@@ -178,7 +178,7 @@ def run(case: Case, seed: int, minutes: float | None = None, method: OnlineRegis
     assert isinstance(chosen, OnlineRegistration)
     courses = [Course(seed, r, shares) for r in range(len(sensors.radars))]
     plots_memory, ais_memory, memory = scenario.plots.init(), scenario.ais_tracks.init(), chosen.init()
-    given, before, none = RadarCorrections.none(len(sensors.radars)), -np.inf, np.zeros(0, np.int64)
+    given, before, none = RadarCorrections.empty(R=len(sensors.radars)), -np.inf, np.zeros(0, np.int64)
     bearings = BearingTracks.empty(), BearingAssociations(none, none, np.zeros(0), np.zeros(0))
     rest = Measurements.empty(), Picture.empty(), Members.empty(), *bearings  # there is no bearing sensor
     for number in range(plan.cycles):

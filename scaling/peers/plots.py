@@ -23,7 +23,7 @@ def make_plots(vessels: int, cycles: int, measured: int, seed: int) -> PlotHisto
     """The plots of a region over T cycles. Args: measured: number of cycles at the end that are timed."""
     world = _world({"vessels": vessels, "cycles": cycles, "seed": seed})
     sensors, converter = world.sensors, PolarConversion()
-    memory, none = converter.init(), RadarCorrections.none(len(sensors.radars))
+    memory, none = converter.init(), RadarCorrections.empty(R=len(sensors.radars))
     origin_deg, state, parts = sensors.region_origin_deg[0], initial_state(world), []
     for cycle in range(cycles):
         state, reports = next_cycle(world, state)

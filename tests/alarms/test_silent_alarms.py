@@ -43,15 +43,15 @@ WAIT = 5  # cycles from the last plot until the radar is silent
 
 def hearing_of(cycle: int, first: int, last: int) -> SensorHearing:
     """The radar sends no plot from one cycle to another."""
-    radars = Hearing.always(1)
+    radars = Hearing.empty(R=1)
     if first + WAIT <= cycle < last:
         since = first - 1 if cycle == first + WAIT else cycle - 1
         heard = np.array([PERIOD_S * (first - 1)])
         radars = Hearing(
             heard, np.full(1, 3.0), np.full(1, 40.0), np.ones(1, bool), np.full(1, PERIOD_S * since), np.full(1, -np.inf)
         )
-    none = Hearing.always(0)
-    return SensorHearing(radars, none, none, Hearing.always(1))
+    none = Hearing.empty()
+    return SensorHearing(radars, none, none, Hearing.empty(R=1))
 
 
 def play(gone_at: int, first: int, last: int, cycles: int, back_at: int = 10_000) -> list[VesselAlarms]:

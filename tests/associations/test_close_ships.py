@@ -36,7 +36,7 @@ def tracks_of(cycles: int, *settings: str) -> tuple[tuple[Tracks, ...], Ints]:
     for cycle in range(cycles):
         now_s = plan.instant_s(cycle)
         part = reports.between(before_s, now_s)
-        plots, echoes = s.plots.step(plots, part.radar, sensors, RadarCorrections.none(len(sensors.radars)))
+        plots, echoes = s.plots.step(plots, part.radar, sensors, RadarCorrections.empty(R=len(sensors.radars)))
         tracker, (radar, *_) = s.tracks.step(tracker, RegionInput.of_plots(echoes, now_s, sensors))
         ais, (named, *_) = s.ais_tracks.step(ais, AisInput(part.ais, now_s, sensors))
         out.append(Tracks.join([radar, named]))

@@ -92,7 +92,7 @@ def test_each_region_is_given_the_video_of_its_own_radars():
     sensors, plan = scenario.sensors(), scenario.plan()
     video = scenario.input.load(sensors, 1, plan).reports.between(plan.start_s, plan.instant_s(0)).video
     assert {part.sensor for part in video.parts} == {0, 1}
-    none = RadarCorrections.none(2)
+    none = RadarCorrections.empty(R=2)
     given, _ = reports_of_regions(RadarReports.empty(), [Messages.empty()] * 2, none, plan.instant_s(0), sensors, video)
     assert [[part.sensor for part in one.video.parts] for one in given] == [[0], [0]]
     assert given[1].video.parts[0].level is not given[0].video.parts[0].level

@@ -92,7 +92,7 @@ def outcome(**changed: Any) -> Any:
         "elapsed_s": 1.25,
         "interrupted": False,
     }
-    return types.SimpleNamespace(**{"corrections": RadarCorrections.none(1), **made, **changed})
+    return types.SimpleNamespace(**{"corrections": RadarCorrections.empty(R=1), **made, **changed})
 
 
 def a_scenario() -> Any:

@@ -383,7 +383,7 @@ def test_radars_that_are_all_off_by_the_same_time_are_warned_of(
     lags_s: list[float], sigma_s: float, wanted: str | None
 ) -> None:
     """Radars that were right were pulled along by a table of AIS that was late, and nothing was said."""
-    none = RadarCorrections.none(len(lags_s))
+    none = RadarCorrections.empty(R=len(lags_s))
     known = replace(none, estimated_lag_s=np.array(lags_s), lag_sigma_s=np.full(len(lags_s), sigma_s))
     scenario, result = (
         SimpleNamespace(radars=(), stations=()),
@@ -396,7 +396,7 @@ def test_radars_that_are_all_off_by_the_same_time_are_warned_of(
 
 def test_a_radar_whose_site_seems_wrong_is_warned_of() -> None:
     sigma_m = np.array([[np.nan, np.nan], [1.0, 1.0]])
-    known = replace(RadarCorrections.none(2), site_error_m=np.array([[3.0, 0.0], [50.0, -20.0]]), site_sigma_m=sigma_m)
+    known = replace(RadarCorrections.empty(R=2), site_error_m=np.array([[3.0, 0.0], [50.0, -20.0]]), site_sigma_m=sigma_m)
     radars = [SimpleNamespace(name=name, latitude_deg=50.0, longitude_deg=-1.0, range_nm=6.0) for name in ("fort", "island")]
     result = SimpleNamespace(contents=(), faults=(), vessels=1, corrections=known)
     (found,) = inputs.warnings(SimpleNamespace(radars=radars, stations=()), result)
@@ -438,7 +438,7 @@ def test_files_of_odd_times_or_places_are_warned_of(name: str, taken: dict[str, 
     odd = replace(good, name=name, **taken)
     scenario = SimpleNamespace(radars=(), stations=(SimpleNamespace(latitude_deg=50.8, longitude_deg=-1.1, range_nm=30.0),))
     found = inputs.warnings(
-        scenario, SimpleNamespace(contents=(good, odd), faults=(fault,), vessels=1, corrections=RadarCorrections.none(2))
+        scenario, SimpleNamespace(contents=(good, odd), faults=(fault,), vessels=1, corrections=RadarCorrections.empty(R=2))
     )
     found = [line for line in found if "overlap" not in line]
     assert len(found) == (wanted is not None)

@@ -34,7 +34,7 @@ def tracks(ids, source):
 
 def shown(vessels, cycles=CYCLES, settings=None, of=None, memory=None):
     """Which vessels are shown at the end. Args: vessels: of each, the pairs of a track id and its source."""
-    memory = memory or Confirmations.zeros()
+    memory = memory or Confirmations.empty()
     row = np.repeat(np.arange(len(vessels)), [len(v) for v in vessels])
     given = tracks(*zip(*[pair for v in vessels for pair in v], strict=True))
     start_s = float(memory.time_s[0]) if len(memory.time_s) else 0.0

@@ -24,7 +24,7 @@ def hearing_of(cycle: int, kind: str, first: int, last: int, seen_after: int = 1
     """All sensors of a kind send nothing from a cycle to another; they are silent once they sent nothing for some cycles."""
 
     def of(count: int, fails: bool) -> Hearing:
-        out = Hearing.always(count)
+        out = Hearing.empty(R=count)
         if fails and cycle >= last:
             out = replace(out, returned_s=np.full(count, PERIOD_S * last))
         if not fails or not first + seen_after <= cycle < last:
@@ -108,7 +108,7 @@ def test_only_where_no_other_sensor_is_heard() -> None:
     for cycle, rows in enumerate([[RADAR, AIS]] * 5 + [[AIS]] * 40):
         tracks, associations, fused = cycle_of(cycle, rows)
         hearing = hearing_of(cycle, "radar", 5, 100)
-        one = Hearing.join([hearing.radars.take(np.array([0])), Hearing.always(1)])
+        one = Hearing.join([hearing.radars.take(np.array([0])), Hearing.empty(R=1)])
         given = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, sensors()
         memory, (picture, _) = method.step(memory, PictureInput(*given, hearing=replace(hearing, radars=one)))
         up.append(bool((picture.flags & Flag.AIS_WITHOUT_RADAR).any()))
@@ -117,9 +117,9 @@ def test_only_where_no_other_sensor_is_heard() -> None:
 
 def test_a_sensor_that_was_never_heard_covers_nothing() -> None:
     method = Identity()
-    unheard = Hearing(*(a - np.inf if name == "heard_s" else a for name, a in vars(Hearing.always(1)).items()))
+    unheard = Hearing(*(a - np.inf if name == "heard_s" else a for name, a in vars(Hearing.empty(R=1)).items()))
     for rows, hearing, flag in (
-        ([RADAR], SensorHearing(Hearing.always(2), unheard, Hearing.empty(), unheard), Flag.DARK),
+        ([RADAR], SensorHearing(Hearing.empty(R=2), unheard, Hearing.empty(), unheard), Flag.DARK),
         ([AIS], SensorHearing(Hearing.join([unheard] * 2), unheard, Hearing.empty(), unheard), Flag.AIS_WITHOUT_RADAR),
     ):
         memory, up = method.init(), []
@@ -194,8 +194,8 @@ def test_only_where_no_other_station_was_heard_does_one_that_returns_put_off_dar
     returned_s = np.where(np.isin([0, 1], returns), PERIOD_S * 4, -np.inf)
     for cycle, rows in enumerate([[RADAR, AIS]] * 5 + [[RADAR]] * 100):
         tracks, associations, fused = cycle_of(cycle, rows)
-        stations = replace(Hearing.always(2), returned_s=returned_s)
-        hearing = SensorHearing(Hearing.always(2), stations, Hearing.always(0), Hearing.always(1))
+        stations = replace(Hearing.empty(R=2), returned_s=returned_s)
+        hearing = SensorHearing(Hearing.empty(R=2), stations, Hearing.empty(), Hearing.empty(R=1))
         given = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, two_stations(east_m)
         memory, (picture, _) = method.step(memory, PictureInput(*given, hearing=hearing))
         up.append(bool((picture.flags & Flag.DARK).any()))
@@ -208,8 +208,8 @@ def test_a_station_far_away_that_flaps_puts_off_nobody() -> None:
     memory = method.init()
     for cycle, rows in enumerate([[RADAR, AIS]] * 5 + [[RADAR]] * 40):
         tracks, associations, fused = cycle_of(cycle, rows)
-        stations = replace(Hearing.always(2), returned_s=np.array([-np.inf, PERIOD_S * (cycle - cycle % 5)]))
-        hearing = SensorHearing(Hearing.always(2), stations, Hearing.always(0), Hearing.always(1))
+        stations = replace(Hearing.empty(R=2), returned_s=np.array([-np.inf, PERIOD_S * (cycle - cycle % 5)]))
+        hearing = SensorHearing(Hearing.empty(R=2), stations, Hearing.empty(), Hearing.empty(R=1))
         given = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, two_stations(550e3)
         memory, (picture, _) = method.step(memory, PictureInput(*given, hearing=hearing))
         up.append(bool((picture.flags & Flag.DARK).any()))

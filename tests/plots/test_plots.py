@@ -34,7 +34,7 @@ def reports(n: int = 6, **columns) -> RadarReports:
     return RadarReports(**{**base, **columns})
 
 
-NOTHING = RadarCorrections.none(2)
+NOTHING = RadarCorrections.empty(R=2)
 
 
 def converted(given: RadarReports, sensors=None, found=NOTHING, **settings):

@@ -47,7 +47,7 @@ def sea(factors, vessels=40, cycles=20, drifting=0, alarmed=0, references=None):
         site = np.tile(SITE, (vessels, 1))
         m = Measurements(v, np.zeros(vessels, np.int64), no_time, offset_deg(home, noise), none * np.nan, stated, site)
         given = RegistrationInput(
-            None, ais, None, m, None, members, None, None, 3.0 * cycle, world.sensors(), RadarCorrections.none(1)
+            None, ais, None, m, None, members, None, None, 3.0 * cycle, world.sensors(), RadarCorrections.empty(R=1)
         )
         scatter = scattered(scatter, given, drawn, v < alarmed, 0.99)
     return scatter
@@ -68,7 +68,7 @@ def test_few_vessels_and_ais_that_drifts_or_has_an_alarm_teach_nothing():
 
 def test_plots_and_radars_of_a_region_have_the_noise_that_was_learnt():
     sensors = world.sensors()
-    corrections = replace(RadarCorrections.none(1), noise_factor=np.array([[2.0, 3.0]]))
+    corrections = replace(RadarCorrections.empty(R=1), noise_factor=np.array([[2.0, 3.0]]))
     one = np.ones(2)
     reports = RadarReports(
         np.zeros(2, np.int64), 0.0 * one, 0.0 * one, 5000.0 * one, 0.0 * one, np.tile(SITE, (2, 1)), np.full(2, -1),

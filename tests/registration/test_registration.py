@@ -269,8 +269,8 @@ def test_what_is_known_is_held_while_nothing_is_compared() -> None:
 
 def test_a_jump_ends_the_tracks_that_hold_plots_of_that_radar() -> None:
     sea = world.Sea(10, radars=2, errors=((0.0, 0.0, 0.0),) * 2)
-    plots = sea.plots(0, RadarCorrections.none(2))
-    memory = RadarMemory.empty(models=3).fitting(3, 2)
+    plots = sea.plots(0, RadarCorrections.empty(R=2))
+    memory = RadarMemory.empty(J=3).fitting(3, 2)
     columns = PlotColumns(plots.time_s, plots.position_m, plots.covariance, plots.sensor, plots.origin)
     memory = begin_tracks(CompiledBank(Motion()), memory, np.arange(len(plots)), columns)
     left = memory.without_radars(np.array([True, False]))
@@ -285,5 +285,5 @@ def test_plots_of_a_clock_that_is_not_set_are_left_out(ahead_s: float) -> None:
     plots = plots_of(ships(20, 9), two_radars(), 9.0, 9)
     one = plots.take(slice(0, 1))
     wrong = replace(one, time_s=one.time_s + ahead_s)
-    given = RadarCorrections.none(2)
+    given = RadarCorrections.empty(R=2)
     assert len(polar_measurements(Plots.join([plots, wrong]), given, 9.0).time_s) == len(plots)

@@ -96,7 +96,7 @@ def seen(seed: int, cycle: int, lag_s: float, given: RadarCorrections) -> Any:
 
 def run(seed: int, lag_s: float, cycles: int = 60) -> RadarCorrections:
     method, where = OnlineRegistration(), sensors()
-    memory, given = method.init(), RadarCorrections.none(1)
+    memory, given = method.init(), RadarCorrections.empty(R=1)
     for cycle in range(cycles):
         said, now = seen(seed, cycle, lag_s, given)
         nobody = (Plots.empty(), Tracks.empty(), AisAlarms.empty())
@@ -115,12 +115,12 @@ def test_a_lag_is_found_and_the_bias_of_the_camera_is_none_of_the_radar(lag_s: f
 
 
 def test_bearings_that_could_be_confused_are_left_out() -> None:
-    said, _ = seen(1, 30, LAG_S, RadarCorrections.none(1))
+    said, _ = seen(1, 30, LAG_S, RadarCorrections.empty(R=1))
     plots, picture, members, bearings, both = said
     number = plots.sensor
     waiting = WaitingPlots(plots.track_id, number, plots.time_s - 10.0, np.zeros(VESSELS), plots.position_deg)
     nobody = Plots.empty(), Tracks.empty(), AisAlarms.empty(), Measurements.empty()
-    corrections = RadarCorrections.none(1)
+    corrections = RadarCorrections.empty(R=1)
     given = RegistrationInput(*nobody, picture, members, bearings, both, 0.0, sensors(), corrections)
     left, rows = bearing_equations(waiting, given)
     near = np.abs(np.subtract.outer(bearings.bearing_rad, bearings.bearing_rad)) + 10.0 * np.eye(VESSELS)

@@ -76,7 +76,7 @@ def bw_wrap(angle: Floats) -> Floats:
 def test_few_vessels_change_no_bit_of_our_own_tracks() -> None:
     _, cycles = crowd(2, 6)
     few = vessels_at(np.array([10.0, 100.0, 190.0]))
-    without, with_few = (play(BearingWindow(), cycles, e) for e in (ExpectedVessels.zeros(), few))
+    without, with_few = (play(BearingWindow(), cycles, e) for e in (ExpectedVessels.empty(), few))
     assert as_bytes(without[0]) == as_bytes(with_few[0])
     assert as_bytes(without[1]) == as_bytes(with_few[1])
     assert np.isnan(without[1].certainty).all()

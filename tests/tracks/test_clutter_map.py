@@ -92,7 +92,7 @@ def test_standing_echoes_are_listed_with_place_extent_and_plots_a_turn():
     assert found.plots_per_turn[0] == pytest.approx(1.0, abs=0.05)
     assert found.plots_per_turn[1] == pytest.approx(3.0, abs=0.6)
     assert found.radar.tolist() == [1, 1]
-    assert len(standing_echoes(ClutterSettings(), ClutterMap.none(), radar(), origin)) == 0
+    assert len(standing_echoes(ClutterSettings(), ClutterMap.empty(), radar(), origin)) == 0
 
 
 def test_before_the_first_plot_it_is_the_prior():
@@ -201,7 +201,7 @@ def test_a_radar_learns_a_map_where_its_plots_of_no_track_return(quay):
 
 def test_a_radar_that_decides_later_leaves_the_maps_of_others_as_they_are():
     rule, three = ClutterSettings(cell_m=8.0), radar(count=3)
-    known = feed(rule, ClutterMap.none().with_radar(rule, three, 1), 10, [[20.0, 20.0]], number=1)
+    known = feed(rule, ClutterMap.empty().with_radar(rule, three, 1), 10, [[20.0, 20.0]], number=1)
     before, turns = density(rule, known, [[20.0, 20.0], [60.0, 0.0]], 1), known.turns[1]
     for other in (2, 0):
         known = known.with_radar(rule, three, other)

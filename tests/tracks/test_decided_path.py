@@ -170,12 +170,12 @@ def test_a_track_with_two_histories_says_how_far_away_it_may_be():
     doubtful = tracks[11].take(np.isfinite(tracks[11].alternative_m))
     assert doubtful.origin.tolist() == [0]
     assert 50.0 < doubtful.alternative_m[0] < 110.0
-    found = with_details(Picture.zeros(V=len(tracks[11])), tracks[11], np.arange(len(tracks[11]))).alternative_m
+    found = with_details(Picture.empty(V=len(tracks[11])), tracks[11], np.arange(len(tracks[11]))).alternative_m
     np.testing.assert_array_equal(found, tracks[11].alternative_m)
     none_sure, one_sure = np.array([300.0, 120.0]), np.array([300.0, np.nan])
     for each, vessel in ((none_sure, 120.0), (one_sure, np.nan)):
         two = replace(tracks[11].take(np.arange(2)), alternative_m=each)
-        np.testing.assert_array_equal(with_details(Picture.zeros(V=1), two, np.zeros(2, np.int64)).alternative_m, [vessel])
+        np.testing.assert_array_equal(with_details(Picture.empty(V=1), two, np.zeros(2, np.int64)).alternative_m, [vessel])
 
 
 def test_a_track_of_another_vessels_plots_loses_its_mmsi_when_that_is_heard_elsewhere():

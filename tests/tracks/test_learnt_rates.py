@@ -90,7 +90,7 @@ def test_a_plot_far_beyond_the_range_is_no_matter_for_local_bursts():
 
 def test_before_the_first_plot_the_stated_rates_hold_and_a_pause_is_no_turn():
     sensors, rules, stated = two_radars(), RateSettings(), np.array([0.9, 0.2])
-    known = LearntRates.none(2)
+    known = LearntRates.empty(R=2)
     np.testing.assert_array_equal(known.false_plots_per_m2(rules, sensors.radars, np.full(2, 3e-7)), 3e-7)
     np.testing.assert_allclose(known.detection(rules, stated, 1.0).probability, stated)
     np.testing.assert_allclose(known.detection(rules, stated, 1.0).miss, 1.0)

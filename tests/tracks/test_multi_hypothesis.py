@@ -93,14 +93,16 @@ def test_the_choice_of_trees_that_share_nothing_with_a_look_stands(monkeypatch):
 def test_a_track_that_the_choice_calls_no_vessel_has_no_plot_for_good():
     """A tentative track begun by plot 7 leaves its window. The neighbour that has plot 7 keeps both ways to go on."""
     leaves = replace(
-        Leaves.zeros(L=3, W=3, R=1, J=1),
+        Leaves.empty(L=3, W=3, R=1, J=1),
         slot=np.array([0, 0, 1]),
         cost=np.array([-5.0, -4.8, 3.0]),
         existence=np.full(3, 0.5),
         mmsi=np.full(3, -1),
         plot=np.array([[3, 7, 8], [3, 7, -1], [7, -1, 9]]),
     )
-    forest = replace(Forest.empty(3, 1, 1), null_cost=np.array([50.0, 0.0]), nulled=np.zeros(2, np.int64), until_s=np.zeros(2))
+    forest = replace(
+        Forest.empty(W=3, R=1, J=1), null_cost=np.array([50.0, 0.0]), nulled=np.zeros(2, np.int64), until_s=np.zeros(2)
+    )
     looked, status = np.ones(2, np.bool_), np.array([Status.CONFIRMED, Status.TENTATIVE])
     pruned = choose_and_prune(MultiHypothesis(window=2)._pruning, forest, leaves, looked, status)
     assert pruned.leaves.plot[pruned.leaves.slot == 0].tolist() == [[3, 7, 8], [3, 7, -1]]

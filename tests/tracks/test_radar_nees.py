@@ -72,7 +72,7 @@ def _of_one(settings: dict[str, str], seed: int) -> Floats:
     for number in range(plan.cycles):
         since = plan.instant_s(number - 1) if number else -np.inf
         reports = recording.reports.between(since, plan.instant_s(number)).radar
-        converted, plots = scenario.plots.step(converted, reports, sensors, RadarCorrections.none(len(sensors.radars)))
+        converted, plots = scenario.plots.step(converted, reports, sensors, RadarCorrections.empty(R=len(sensors.radars)))
         memory, (tracks, *_) = scenario.tracks.step(memory, RegionInput.of_plots(plots, plan.instant_s(number), sensors))
     truth = recording.truth.at(plan.instant_s(plan.cycles - 1))
     at = row_of(truth.vessel, tracks.origin)

@@ -29,7 +29,7 @@ def scenario_of(method: RepulsiveParticles, **further: str) -> Scenario:
 def run(scenario: Scenario, saved_at: Sequence[int] = ()) -> list[RegionCycle]:
     """Each cycle of the region."""
     sensors, plan = scenario.sensors(), scenario.plan()
-    recording, none = scenario.input.load(sensors, 2001, plan), RadarCorrections.none(1)
+    recording, none = scenario.input.load(sensors, 2001, plan), RadarCorrections.empty(R=1)
     step, memory, out = step_of_regions(scenario), start_region(scenario), []
     for cycle in range(plan.cycles):
         now_s = plan.instant_s(cycle)

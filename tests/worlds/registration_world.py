@@ -142,7 +142,7 @@ def run(method: Any, sea: Sea, cycles: int, first: int = 0, memory: Any = None, 
     """
     where = sensors(sea.radars)
     memory = method.init() if memory is None else memory
-    given = RadarCorrections.none(sea.radars) if given is None else given
+    given = RadarCorrections.empty(R=sea.radars) if given is None else given
     course = []
     for cycle in range(first, first + cycles):
         tracks = sea.ais_tracks(cycle, more["shift_m"](cycle) if "shift_m" in more else None)

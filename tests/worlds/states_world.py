@@ -129,7 +129,7 @@ def cycle_of(number: int, time_s: float) -> tuple[Cycle, Reports]:
         spots=Spots(earth_centred(centre), np.zeros(n, np.int64), none, none), associations=associations,
         fused=FusedTracks(picture.time_s, picture.position_deg, picture.velocity_m_s, picture.covariance), picture=picture,
         members=made, octants=Octants(none, none, none), bearing_associations=bearing_associations,
-        corrections=RadarCorrections.none(2),
+        corrections=RadarCorrections.empty(R=2),
     )  # fmt: skip
     return cycle, Reports(RadarReports.empty(), AisReports.empty(), statics_of(time_s), BearingReports.empty())
 

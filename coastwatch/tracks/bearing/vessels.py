@@ -34,7 +34,7 @@ def expected_vessels(
 ) -> ExpectedVessels:
     """The vessels of a picture that some sensors of bearings may hear in the next cycle. Args: sensor, site_deg: (S,), (S, 2)."""
     if not len(sensor):
-        return ExpectedVessels.zeros()
+        return ExpectedVessels.empty()
     near = kernels.geometry.sensor_coverage.coverage_of(site_deg, SOON * sensors.sonars.range_m[sensor], 0.0)
     rows = np.flatnonzero(kernels.geometry.sensor_coverage.in_any_range(near, picture.position_deg))
     bias, sigma = found.sensor_bias_rad, found.sensor_bias_sigma_rad

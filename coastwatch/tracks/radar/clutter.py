@@ -55,11 +55,6 @@ class ClutterMap(Struct):
     turn: Floats = column(np.float64, "C")  # of its newest plot
     tile: Rows = column(np.int32, "C")  # which of the cells of this slot it is; -1: none so far
 
-    @classmethod
-    def none(cls) -> ClutterMap:
-        """A map of no radar."""
-        return cls.zeros()
-
     def check_rows(self) -> None:
         """Check the windows, as after reading a checkpoint. Raises: ValueError."""
         if not np.array_equal(self.first + self.side**2, np.append(self.first, len(self.plots))[1:]):

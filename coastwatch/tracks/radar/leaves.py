@@ -8,7 +8,7 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import Batch, Floats, Ints, Unproven
-from coastwatch.batches.struct import Struct, column
+from coastwatch.batches.struct import Struct, column, part
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.smoothing import Steps
 from coastwatch.kernels.tables.row_numbers import require_rows
@@ -92,20 +92,14 @@ class Forest(Struct):
     During a cycle rows of leaves in slot -1 are spare, and so are steps that no leaf has. `compact` takes them out at its end.
     """
 
-    leaves: Leaves
-    steps: FilterSteps  # of these leaves
-    decided: Decided  # in this cycle
-    next_plot: int  # number of the next plot
+    leaves: Leaves = part(Leaves)
+    steps: FilterSteps = part(FilterSteps)  # of these leaves
+    decided: Decided = part(Decided)  # in this cycle
     null_cost: Floats = column(np.float64, "S")  # of "no vessel", as costs of leaves are
     nulled: Ints = column(np.int64, "S")  # looks in a row in which other tracks had all the plots of the track
     until_s: Floats = column(np.float64, "S")  # up to which a track lives by its messages, without plots
+    next_plot: int = 0  # number of the next plot
     unproven: Unproven = Unproven()  # choices of this cycle
-
-    @classmethod
-    def empty(cls, window: int = 0, radars: int = 0, models: int = 0) -> Forest:
-        """No leaf. Args: window: W; radars: R; models: J."""
-        leaves, zeros = Leaves.empty(W=window, R=radars, J=models), np.zeros(0)
-        return cls(leaves, FilterSteps.empty(), Decided.empty(), 0, zeros, np.zeros(0, np.int64), zeros)
 
     def trees(self) -> TreeRows:
         """Where the leaves of each slot stand."""
@@ -122,11 +116,11 @@ class Forest(Struct):
         if at + len(leaves) > len(old):
             used = np.flatnonzero(old.slot >= 0)
             at = len(used)
-            old = old.take(used).with_room(SPARE * (at // 2 + len(leaves)))
+            old = old.take(used).with_room("L", at + SPARE * (at // 2 + len(leaves)))
         old.slot[at:] = -1
         old.put(at, leaves)
         if trees.steps + len(steps) > len(kept):
-            kept = kept.take(np.arange(trees.steps)).with_room(SPARE * (trees.steps // 2 + len(steps)))
+            kept = kept.take(np.arange(trees.steps)).with_room("P", trees.steps + SPARE * (trees.steps // 2 + len(steps)))
         kept.put(trees.steps, steps)
         return replace(self, leaves=old, steps=kept)
 
@@ -150,13 +144,3 @@ class Forest(Struct):
         got, needed = (self.leaves.mode_probability.shape[1], self.leaves.radar_s.shape[1]), (filters[1], radars)
         if len(self.leaves) and got != needed:
             raise ValueError(f"Leaves: got {got[0]} models of {got[1]} radars, needed {needed[0]} of {needed[1]}")
-
-    def with_slots(self, count: int) -> Forest:
-        """This forest with room for so many slots."""
-        more = count - len(self.nulled)
-        if more <= 0:
-            return self
-        null_cost, nulled, until_s = (
-            np.concatenate([one, np.zeros(more, one.dtype)]) for one in (self.null_cost, self.nulled, self.until_s)
-        )
-        return replace(self, null_cost=null_cost, nulled=nulled, until_s=until_s)

@@ -209,8 +209,9 @@ def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: Plot
     table.extent_plots[slots] = 0
     table.origins[slots] = -1
     table.origins[slots, 0] = batch.origin[plots]
-    alone = memory.plots_alone.with_slots(len(table.track_id))
+    alone = memory.plots_alone
     if alone.models:
+        alone = alone.with_room("S", len(table.track_id))
         alone.updated_s[slots], alone.left_mmsi[slots], alone.left_s[slots] = -np.inf, -1, -np.inf
         alone.doubted_s[slots], alone.plots_s[slots] = np.nan, -np.inf
     return replace(memory, table=table, next_id=memory.next_id + len(plots), plots_alone=alone)

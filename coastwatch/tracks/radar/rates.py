@@ -7,7 +7,6 @@ plots by place, and starts from the density learnt here.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
@@ -36,17 +35,11 @@ class LearntRates(Struct):
     """Counts of R radars that fade with the turns of each."""
 
     turns: Floats = column(np.float64, "R")  # in which false plots were counted
-    newest_s: Floats = column(np.float64, "R")  # newest plot, NaN before the first
+    newest_s: Floats = column(np.float64, "R", new=np.nan)  # newest plot, NaN before the first
     false_plots: Floats = column(np.float64, "R")  # expected number
     looks: Floats = column(np.float64, "R")  # at tracks that surely exist
     detections: Floats = column(np.float64, "R")  # expected number in these looks
     burst_per_m2: Floats = column(np.float64, "R")  # false plots in one turn of a burst; fades within few turns
-
-    @classmethod
-    def none(cls, radars: int) -> Self:
-        """Nothing learnt of so many radars."""
-        zero = np.zeros((5, radars))
-        return cls(zero[0], np.full(radars, np.nan), *zero[1:])
 
     def false_plots_per_m2(self, settings: RateSettings, radars: Radars, stated: Floats) -> Floats:
         """The density of false plots of each radar in one turn: lambda, (R,).

@@ -6,7 +6,7 @@ random places it is Poisson, as that of one cell.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -27,28 +27,20 @@ TIMES_BY_CHANCE = 2.0  # meetings of plots, over those by chance
 class Returns(Struct):
     """Counts of K radars that have sent plots, which fade with the turns of each."""
 
-    row: Ints = column(np.int64, "R")  # of each radar, -1 before its first plot
-    newest_s: Floats = column(np.float64, "K")
+    row: Ints = column(np.int64, "R", new=-1)  # of each radar, -1 before its first plot
+    newest_s: Floats = column(np.float64, "K", new=np.nan)
     turns: Floats = column(np.float64, "K")  # of the epoch that goes on
     recent: Floats = column(np.float64, "K", BUCKETS)  # plots of no track by hashed cell, of this epoch
     earlier: Floats = column(np.float64, "K", BUCKETS)  # of those before
     met: Floats = column(np.float64, "K")  # earlier plots in the cell of a plot, over all plots
     by_chance: Floats = column(np.float64, "K")  # the mean of this, were all plots at random places
 
-    @classmethod
-    def none(cls, radars: int) -> Self:
-        """Nothing counted of so many radars."""
-        zero, counts = np.zeros(0), np.zeros((0, BUCKETS))
-        return cls(np.full(radars, -1), zero, zero, counts, counts, zero, zero)
-
     def with_radar(self, radar: int) -> Self:
         """These counts with a row of this radar. `row` is consumed."""
         if self.row[radar] >= 0:
             return self
         self.row[radar] = len(self.met)
-        longer = {name: np.append(getattr(self, name), 0.0) for name in ("turns", "met", "by_chance")}
-        counts = {name: np.vstack([getattr(self, name), np.zeros(BUCKETS)]) for name in ("recent", "earlier")}
-        return replace(self, newest_s=np.append(self.newest_s, np.nan), **longer, **counts)
+        return self.with_room("K", len(self.met) + 1)
 
     def meet(self, radar: int, time_s: float, period_s: float, position_m: Floats, free: Floats, cell_m: float) -> bool:
         """Whether plots return, after a batch of one radar that has a row. In place.

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Self
 
 import numpy as np
 
 from coastwatch.batches import Batch, Bools, Floats, Ints, Radars, Unproven
-from coastwatch.batches.struct import Struct, column
+from coastwatch.batches.struct import Struct, column, part
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks import columns
 from coastwatch.kernels.tracks.columns import NAMES, ExistenceColumns, PlotColumns, TrackLife, VesselIds
@@ -80,11 +80,6 @@ class Table(Struct):
     def __len__(self) -> int:
         return len(self.live)
 
-    @classmethod
-    def empty(cls, models: int, radars: int, particles: int = 0) -> Self:
-        """No slot yet. Args: models: J, of each filter; radars: R; particles: P, of each track."""
-        return cls.zeros(J=models, R=radars, P=particles)
-
     @property
     def filters(self) -> Filters:
         """The filter of each slot."""
@@ -127,24 +122,18 @@ class Table(Struct):
         """Which of these tracks are confirmed and have moved; none in slot -1. (N,)"""
         return (slots >= 0) & self.moved[slots] & (self.status[slots] == Status.CONFIRMED) if len(self.moved) else slots >= 0
 
-    def with_room(self, count: int) -> Self:
+    def with_free_slots(self, count: int) -> Self:
         """This table with at least so many free slots."""
         missing = count - len(self.free)
         if missing <= 0:
             return self
         before = len(self.track_id)
-        more = missing + (before + missing) // SPARE
-        larger = {}
-        for f in fields(self):
-            if f.metadata["shape"][0] == "S":
-                old = getattr(self, f.name)
-                larger[f.name] = np.zeros((before + more, *old.shape[1:]), old.dtype)
-                larger[f.name][:before] = old
-        return replace(self, free=np.concatenate([np.arange(before + more - 1, before - 1, -1), self.free]), **larger)
+        size = before + missing + (before + missing) // SPARE
+        return replace(self.with_room("S", size), free=np.concatenate([np.arange(size - 1, before - 1, -1), self.free]))
 
     def with_slots(self, track_id: Ints) -> tuple[Self, Ints]:
         """This table with a slot for each of these new track ids, increasing, and the slots. The caller fills their columns."""
-        table = self.with_room(len(track_id))
+        table = self.with_free_slots(len(track_id))
         left = len(table.free) - len(track_id)
         slots = table.free[left:][::-1]
         table.track_id[slots] = track_id
@@ -170,21 +159,16 @@ class Duplicates(Batch):
 class RadarMemory(Struct):
     """One region between two cycles."""
 
-    table: Table
-    duplicates: Duplicates
-    next_id: int  # within the region
-    site_m: Floats = column(np.float64, "R", 2)  # where each radar was last, NaN where it has sent nothing
-    newest_plot_s: Floats = column(np.float64, "R")  # newest plot of each radar, -inf where it has sent nothing
-    clutter: ClutterMap = field(default_factory=ClutterMap.none)
-    plots_alone: PlotFilters = field(default_factory=lambda: PlotFilters.empty())  # where messages guide the association
-    rates: LearntRates = field(default_factory=lambda: LearntRates.none(0))
-    returns: Returns = field(default_factory=lambda: Returns.none(0))  # where each radar decides for a clutter map
+    site_m: Floats = column(np.float64, "R", 2, new=np.nan)  # where each radar was last, NaN where it has sent nothing
+    newest_plot_s: Floats = column(np.float64, "R", new=-np.inf)  # newest plot of each radar, -inf where it has sent nothing
+    table: Table = part(Table)
+    duplicates: Duplicates = part(Duplicates)
+    rates: LearntRates = part(LearntRates)
+    returns: Returns = part(Returns)  # where each radar decides for a clutter map
+    next_id: int = 1  # within the region
+    clutter: ClutterMap = field(default_factory=ClutterMap.empty)
+    plots_alone: PlotFilters = field(default_factory=PlotFilters.empty)  # where messages guide the association
     forest: Forest = field(default_factory=Forest.empty)  # of multi-hypothesis tracks
-
-    @classmethod
-    def empty(cls, models: int, particles: int = 0) -> RadarMemory:
-        """No track yet. Args: models: J, of each filter; particles: P, of each track."""
-        return cls(Table.empty(models, 0, particles), Duplicates.empty(), 1, np.zeros((0, 2)), np.zeros(0))
 
     def check_rows(self) -> None:
         """Check the number of radars, and the leaves, as after reading a checkpoint. Raises: ValueError."""
@@ -205,11 +189,7 @@ class RadarMemory(Struct):
             return self
         if len(self.newest_plot_s):
             raise ValueError(f"memory of radar tracks: got {len(self.newest_plot_s)} radars, needed {count}")
-        table = Table.empty(models, count, self.table.particles.shape[1])
-        site_m, never = np.full((count, 2), np.nan), np.full(count, -np.inf)
-        return replace(
-            self, table=table, site_m=site_m, newest_plot_s=never, rates=LearntRates.none(count), returns=Returns.none(count)
-        )
+        return RadarMemory.empty(J=models, P=self.table.particles.shape[1], R=count)
 
     def without_radars(self, moved: Bools) -> RadarMemory:
         """This memory without the tracks that hold plots of these radars (R,), whose registration has jumped."""
@@ -226,7 +206,7 @@ class RadarMemory(Struct):
         """This memory with filters of plots alone, if it has none of so many models: it is of another tracker. Args: models: J of each."""
         if self.plots_alone.models == models:
             return self
-        return replace(self, plots_alone=PlotFilters.empty(J=models).with_slots(len(self.table.track_id)))
+        return replace(self, plots_alone=PlotFilters.empty(S=len(self.table.track_id), J=models))
 
     def with_clutter_map(self, settings: ClutterSettings, radars: Radars) -> RadarMemory:
         """This memory with an empty clutter map, if all radars are to learn one and there is none."""

@@ -89,7 +89,7 @@ class TableTracker(RadarMethod):
 
     def init(self) -> RadarMemory:
         bank = self.bank.of(self.motion)
-        return RadarMemory.empty(len(bank.models), bank.particles)
+        return RadarMemory.empty(J=len(bank.models), P=bank.particles)
 
     def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
         """The confirmed tracks of one region at the end of a cycle.

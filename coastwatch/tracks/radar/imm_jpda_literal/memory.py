@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Self
 
 import numpy as np
 
 from coastwatch.batches import Batch, Floats, Ints
-from coastwatch.batches.struct import Struct, column
+from coastwatch.batches.struct import Struct, column, part
 from coastwatch.tracks.radar.clutter import ClutterMap
 
 NEWEST = 5  # plots whose origin is kept, for the scores
@@ -69,20 +68,13 @@ class Tentative(Batch):
 class ImmJpdaMemory(Struct):
     """One region between two cycles."""
 
-    confirmed: Confirmed
-    preliminary: Preliminary
-    tentative: Tentative
-    next_number: int  # of the next track
-    site_m: Floats = column(np.float64, "R", 2)  # where each radar was last, NaN where it has sent nothing
-    newest_plot_s: Floats = column(np.float64, "R")  # of each radar, -inf where it has sent nothing
-    clutter: ClutterMap = field(default_factory=ClutterMap.none)
-
-    @classmethod
-    def empty(cls, radars: int = 0, next_number: int = 1) -> Self:
-        """No track. Args: radars: R; 0 before the first cycle."""
-        site_m, never = np.full((radars, 2), np.nan), np.full(radars, -np.inf)
-        confirmed = Confirmed.empty(R=radars)
-        return cls(confirmed, Preliminary.empty(), Tentative.empty(), next_number, site_m, never)
+    site_m: Floats = column(np.float64, "R", 2, new=np.nan)  # where each radar was last, NaN where it has sent nothing
+    newest_plot_s: Floats = column(np.float64, "R", new=-np.inf)  # of each radar, -inf where it has sent nothing
+    confirmed: Confirmed = part(Confirmed)
+    preliminary: Preliminary = part(Preliminary)
+    tentative: Tentative = part(Tentative)
+    next_number: int = 1  # of the next track
+    clutter: ClutterMap = field(default_factory=ClutterMap.empty)
 
     def check_rows(self) -> None:
         """Check the number of radars, as after reading a checkpoint. Raises: ValueError."""

@@ -159,7 +159,7 @@ class ImmJpdaLiteral(RadarMethod):
         if known not in (0, count):
             raise ValueError(f"memory of radar tracks: got {known} radars, needed {count}")
         if known != count or given.jumped.any():
-            memory = ImmJpdaMemory.empty(count, memory.next_number)
+            memory = replace(ImmJpdaMemory.empty(R=count), next_number=memory.next_number)
         if self.clutter.learnt and not len(memory.clutter.side):
             memory = replace(memory, clutter=empty_map(self.clutter, radars, np.ones(len(radars), np.bool_)))
         return memory

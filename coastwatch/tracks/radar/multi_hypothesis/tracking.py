@@ -139,7 +139,7 @@ class MultiHypothesis(PlotAssociation):
         if touched.any():
             keep_heard(forest, time_s)
             _write_existence(self.window, table, forest, touched)
-        memory = replace(memory, forest=forest.with_slots(len(table.track_id)))
+        memory = replace(memory, forest=forest.with_room("S", len(table.track_id)))
         upkeep = rules.model_copy(update={"delete_misses": self.patience})
         return upkeep.end_slice(memory, radars, ours, every, time_s, memory.forest.until_s)
 

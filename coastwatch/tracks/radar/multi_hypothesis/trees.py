@@ -39,7 +39,7 @@ def forest_of(memory: RadarMemory, looks: int) -> Forest:
         forest = replace(forest, leaves=Leaves.empty(W=window, R=count, J=models))
     if forest.leaves.plot.shape[1] != window:
         raise ValueError(f"memory of radar tracks: got a window of {forest.leaves.plot.shape[1] - 1}, needed {looks}")
-    forest = without_ended(forest.with_slots(len(table.track_id)), table)
+    forest = without_ended(forest.with_room("S", len(table.track_id)), table)
     roots = table.live[forest.trees().leaves[table.live] == 0]
     return with_roots(forest, table, np.sort(roots), np.full(len(roots), -1)) if len(roots) else forest
 
@@ -57,7 +57,7 @@ def without_ended(forest: Forest, table: Table) -> Forest:
 
 def with_roots(forest: Forest, table: Table, slots: Ints, plots: Ints) -> Forest:
     """This forest with a leaf for each of these tracks, which have none. Args: plots: (N,) number of the newest plot, -1: unknown."""
-    forest = forest.with_slots(len(table.track_id))
+    forest = forest.with_room("S", len(table.track_id))
     trees, count, width = forest.trees(), len(slots), forest.leaves.plot.shape[1]
     window, step = np.full((2, count, width), -1)
     window[:, -1] = plots

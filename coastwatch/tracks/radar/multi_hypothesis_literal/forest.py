@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from coastwatch.batches import Batch, Bools, Floats, Ints, Messages, Unproven
-from coastwatch.batches.struct import Struct, column
+from coastwatch.batches.struct import Struct, column, part
 from coastwatch.kernels.tables.row_numbers import require_rows
 
 
@@ -77,25 +77,18 @@ class Decided(Batch):
 class ForestMemory(Struct):
     """One region between two cycles."""
 
-    leaves: Leaves
-    trees: Trees
-    preliminary: Preliminary
-    waiting: Messages  # that are newer than the newest look
-    decided: Decided  # in the newest cycle
+    leaves: Leaves = part(Leaves)
+    trees: Trees = part(Trees)
+    preliminary: Preliminary = part(Preliminary)
+    waiting: Messages = part(Messages)  # that are newer than the newest look
+    decided: Decided = part(Decided)  # in the newest cycle
     best: Ints = column(np.int64, "K")  # row of the chosen leaf of each tree
     single_m: Floats = column(np.float64, "Z", 2)  # plots of the newest look that may be the first of a track
-    look_s: Floats = column(np.float64, "W")  # of the looks of the window, -inf before the first
+    look_s: Floats = column(np.float64, "W", new=-np.inf)  # of the looks of the window, -inf before the first
     next_number: int = 1
     next_plot: int = 0
     next_message: int = 0
     unproven: Unproven = Unproven()  # choices of the newest cycle
-
-    @classmethod
-    def empty(cls, window: int) -> Self:
-        """No track yet."""
-        leaves, trees, preliminary = Leaves.empty(W=window + 1), Trees.empty(), Preliminary.empty()
-        waiting, decided, best = Messages.empty(), Decided.empty(), np.zeros(0, np.int64)
-        return cls(leaves, trees, preliminary, waiting, decided, best, np.zeros((0, 2)), np.full(window + 1, -np.inf))
 
     def check_rows(self) -> None:
         """Check the rows of trees and leaves, and numbers of plots and reports, as after reading a checkpoint. Raises: ValueError."""

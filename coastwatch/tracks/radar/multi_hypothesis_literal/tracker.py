@@ -79,7 +79,7 @@ class MultiHypothesisLiteral(RadarMethod, InitiationSettings):
         return True
 
     def init(self) -> ForestMemory:
-        return ForestMemory.empty(self.window)
+        return ForestMemory.empty(W=self.window + 1)
 
     def begun(self, state: Floats, time_s: float) -> ForestMemory:
         """The memory of tracks that are known at a time. Args: state: (B, 4) east, north, and their rates in the region's plane."""

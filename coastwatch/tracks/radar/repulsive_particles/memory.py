@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from coastwatch.batches import Array, Batch, Bools, Floats, Ints, RadarExcess
-from coastwatch.batches.struct import Struct, column
+from coastwatch.batches.struct import Struct, column, part
 
 TURN_RAD = 2.0 * np.pi
 JITTER_S = 0.5  # a clock that goes back farther was set back
@@ -74,13 +73,8 @@ class Window(Struct):
 class ParticlesMemory(Struct):
     """One region between two cycles."""
 
-    filters: Particles
-    windows: dict[int, Window]  # by number of the radar
-    site_m: Floats = column(np.float64, "R", 2)  # where each radar was last, NaN where it has sent nothing
+    filters: Particles = part(Particles)
+    site_m: Floats = column(np.float64, "R", 2, new=np.nan)  # where each radar was last, NaN where it has sent nothing
     next_filter: int = 1
     next_number: int = 1  # of the next track
-
-    @classmethod
-    def empty(cls, particles: int, radars: int = 0) -> Self:
-        """No filter. Args: particles: P; radars: R, 0 before the first cycle."""
-        return cls(Particles.empty(P=particles), {}, np.full((radars, 2), np.nan))
+    windows: dict[int, Window] = field(default_factory=dict)  # by number of the radar

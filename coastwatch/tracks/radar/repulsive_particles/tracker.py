@@ -78,7 +78,7 @@ class RepulsiveParticles(RadarMethod):
 
     def init(self) -> ParticlesMemory:
         """No filter."""
-        return ParticlesMemory.empty(self.particles)
+        return ParticlesMemory.empty(P=self.particles)
 
     def step(self, memory: ParticlesMemory, given: RegionInput) -> tuple[ParticlesMemory, RegionOutput]:
         """The filters of one region that have a vessel, at the end of a cycle.
@@ -91,7 +91,7 @@ class RepulsiveParticles(RadarMethod):
         if len(memory.site_m) not in (0, count):
             raise ValueError(f"memory of radar tracks: got {len(memory.site_m)} radars, needed {count}")
         if len(memory.site_m) != count or given.jumped.any():
-            fresh = ParticlesMemory.empty(self.particles, count)
+            fresh = ParticlesMemory.empty(P=self.particles, R=count)
             memory = replace(fresh, next_filter=memory.next_filter, next_number=memory.next_number)
         origin_deg, good = given.sensors.region_origin_deg[given.region], is_usable(given.plots, given.time_s, AHEAD_S)
         usable = given.plots.take(good)
