@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coastwatch.batches import RadarReports, Reports, TrackReports, limits
+from coastwatch.batches import RadarReports, Recording, Reports, TrackReports, limits
 from coastwatch.cycle import dropped, run_cycle, start_run
 from coastwatch.scenario import load_scenario
 from coastwatch.stage import serial, serial_regions
@@ -20,7 +21,11 @@ pytestmark = pytest.mark.contract
 
 SCENARIO = load_scenario("guanabara", {"input.count": "12"})
 SENSORS, PLAN = SCENARIO.sensors(), SCENARIO.plan()
-RECORDING = SCENARIO.input.load(SENSORS, 1, PLAN)
+
+
+@cache
+def recording() -> Recording:
+    return SCENARIO.input.load(SENSORS, 1, PLAN)
 
 
 def run(cycles: int, more: Any = None) -> tuple[Any, Any]:
@@ -28,7 +33,7 @@ def run(cycles: int, more: Any = None) -> tuple[Any, Any]:
     memory, before_s = start_run(SCENARIO, SENSORS), -np.inf
     for k in range(cycles):
         now_s = PLAN.instant_s(k)
-        reports = RECORDING.reports.between(before_s, now_s)
+        reports = recording().reports.between(before_s, now_s)
         reports = reports if more is None else more(reports, now_s)
         memory, cycle = run_cycle(SCENARIO, SENSORS, memory, reports, now_s, serial, lambda _: nullcontext(), serial_regions)
         before_s = now_s

@@ -7,6 +7,7 @@ import importlib.util
 import re
 import shlex
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -15,7 +16,7 @@ import pytest
 from coastwatch.errors import InputError
 from coastwatch.operators import presentation
 from coastwatch.operators.cli import make_parser
-from coastwatch.reproduction.published import chosen
+from coastwatch.reproduction import published
 from coastwatch.scenario import ScenarioError, load_scenario
 
 HOUSE = Path(__file__).parents[2]
@@ -26,10 +27,15 @@ PAGES = [
 SHOWN = re.compile(
     r"`(?:\.venv/bin/)?(coastwatch [a-z][^`]*)`|^(?:    |\$ )(?:\.venv/bin/)?(coastwatch [a-z].*)$", re.MULTILINE
 )
-PARSER = make_parser()
 STAND_INS = {"N": "1", "ID": "1", "UTC": "2026-07-01T12:00:00Z", "S,W,N,E": "-23,-44,-22,-43", "KEY=VALUE": "seed=1"}
 
 
+@cache
+def parser() -> argparse.ArgumentParser:
+    return make_parser()
+
+
+@cache
 def shown() -> list[tuple[str, str]]:
     """Page and command line of every example; a sketch with dots or brackets, or a bare name, is none."""
     found = []
@@ -46,23 +52,24 @@ def test_the_parser_takes_every_example() -> None:
     for page, line in shown():
         words = [STAND_INS.get(word, word) for word in shlex.split(line)]
         try:
-            PARSER.parse_args(words[1:])
+            parser().parse_args(words[1:])
         except InputError as error:
             refused.append(f"{page}: {line}: {error}")
     assert len(shown()) >= 20
     assert refused == []
 
 
-def test_every_example_names_scenarios_settings_and_questions_that_there_are() -> None:
+def test_every_example_names_scenarios_settings_and_questions_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(published, "read", cache(published.read))
     taken, wrong = 0, []
     questions = {row[0] for row in presentation.questions().rows}
     for line, page in {line: page for page, line in shown()}.items():
         if {"SCENARIO", "NAME", "PAPER"} & set(line.split()):
             continue
-        options = PARSER.parse_args([STAND_INS.get(word, word) for word in shlex.split(line)][1:])
+        options = parser().parse_args([STAND_INS.get(word, word) for word in shlex.split(line)][1:])
         try:
             if options.command == "coastwatch reproduce":
-                chosen(options.paper, tuple(options.only))
+                published.chosen(options.paper, tuple(options.only))
             elif options.command == "coastwatch query":
                 assert options.name in questions, f"got {options.name}, needed a file of db/operator"
             elif options.command == "coastwatch run":
@@ -130,8 +137,8 @@ def refuse(_: argparse.ArgumentParser, message: str) -> NoReturn:
 def test_the_parser_takes_every_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
     take = argparse.ArgumentParser.parse_args
 
-    def parse_only(parser: argparse.ArgumentParser, *given: Any) -> NoReturn:
-        take(parser, *given)
+    def parse_only(of: argparse.ArgumentParser, *given: Any) -> NoReturn:
+        take(of, *given)
         raise Parsed
 
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_only)
@@ -159,7 +166,7 @@ def test_the_systemd_unit_starts_a_command_that_there_is() -> None:
         line.replace("%i", "guanabara").replace("${COASTWATCH_DB}", "sqlite:////var/lib/coastwatch/guanabara.db")
     )
     assert words[0].endswith("/.venv/bin/coastwatch")
-    options = PARSER.parse_args(words[1:])
+    options = parser().parse_args(words[1:])
     assert (options.scenario, options.resume) == ("guanabara", True)
 
 
@@ -170,7 +177,7 @@ def test_the_units_of_server_and_copies_start_commands_that_there_are() -> None:
     for name in ("serve", "backup"):
         text = (units / f"coastwatch-{name}.service").read_text("utf-8").replace("$COASTWATCH_SERVE", given)
         for line in re.findall(r"^ExecStart=\S+/coastwatch (.*)$", text, re.MULTILINE):
-            found.append(PARSER.parse_args(shlex.split(line)))
+            found.append(parser().parse_args(shlex.split(line)))
     assert [options.db for options in found] == ["/var/lib/coastwatch/watch.db"] * 3
     assert len(found[0].feed) == 2
 
@@ -179,7 +186,7 @@ def test_the_makefile_calls_commands_that_there_are() -> None:
     calls = re.findall(r"^\t\$\(BIN\)/coastwatch (.*)$", (HOUSE / "Makefile").read_text("utf-8"), re.MULTILINE)
     assert len(calls) >= 2
     for call in calls:
-        PARSER.parse_args(shlex.split(call))
+        parser().parse_args(shlex.split(call))
 
 
 def test_a_node_of_ray_is_stopped_by_its_first_process() -> None:

@@ -3,6 +3,7 @@
 import ast
 import re
 import subprocess
+from functools import cache
 from pathlib import Path
 
 HOUSE = Path(__file__).parents[2]
@@ -12,6 +13,7 @@ GENERATED = {"__pycache__", "versions"}
 IN_THE_README_ABOVE = ("web/src", "web/test")
 
 
+@cache
 def tracked() -> list[Path]:
     """Files of the house: what git knows or would take; in an export without git, all of them."""
     asked = subprocess.run(
@@ -26,9 +28,12 @@ def tracked() -> list[Path]:
     return sorted(p for p in found if p.is_file() and "__pycache__" not in p.parts)
 
 
-FILES = tracked()
-MODULES = [p for p in FILES if p.suffix == ".py" and p.relative_to(HOUSE).parts[0] in ("coastwatch", "scaling")]
-FOLDERS = sorted({parent for p in FILES for parent in p.parents if parent != HOUSE and HOUSE in parent.parents})
+def modules() -> list[Path]:
+    return [p for p in tracked() if p.suffix == ".py" and p.relative_to(HOUSE).parts[0] in ("coastwatch", "scaling")]
+
+
+def folders() -> list[Path]:
+    return sorted({parent for p in tracked() for parent in p.parents if parent != HOUSE and HOUSE in parent.parents})
 
 
 def name_of(path: Path) -> str:
@@ -50,7 +55,7 @@ def admission(folder: Path) -> str:
 
 
 def test_every_folder_says_what_it_admits() -> None:
-    said = {name_of(f): (f.parent == HOUSE / "scenarios", admission(f)) for f in FOLDERS if needs_readme(f)}
+    said = {name_of(f): (f.parent == HOUSE / "scenarios", admission(f)) for f in folders() if needs_readme(f)}
     assert len(said) > 40
     wrong = [
         name for name, (free, line) in said.items() if not line or not (free or re.match(r"(A|An|One) \w+.* here\b", line))
@@ -59,19 +64,19 @@ def test_every_folder_says_what_it_admits() -> None:
 
 
 def test_no_forbidden_name() -> None:
-    wrong = [name_of(p) for p in [*FILES, *FOLDERS] if p.stem.lower() in FORBIDDEN]
+    wrong = [name_of(p) for p in [*tracked(), *folders()] if p.stem.lower() in FORBIDDEN]
     assert wrong == []
 
 
 def test_every_module_says_what_it_is() -> None:
-    texts = {name_of(m): m.read_text("utf-8") for m in MODULES if m.relative_to(HOUSE).parts[0] == "coastwatch"}
+    texts = {name_of(m): m.read_text("utf-8") for m in modules() if m.relative_to(HOUSE).parts[0] == "coastwatch"}
     assert len(texts) > 100
     assert [name for name, text in texts.items() if text.strip() and not ast.get_docstring(ast.parse(text))] == []
 
 
 def test_every_module_of_the_tests_is_in_the_readme_of_its_folder() -> None:
     wrong = []
-    for folder in {p.parent for p in FILES if p.suffix == ".py" and p.relative_to(HOUSE).parts[0] == "tests"} - {
+    for folder in {p.parent for p in tracked() if p.suffix == ".py" and p.relative_to(HOUSE).parts[0] == "tests"} - {
         HOUSE / "tests"
     }:
         named = set(re.findall(r"\w+\.py", (folder / "README.md").read_text("utf-8")))
@@ -94,7 +99,7 @@ def test_ci_calls_verbs_that_the_makefile_has() -> None:
 
 def test_every_link_of_the_documentation_leads_somewhere() -> None:
     dead = []
-    for page in [p for p in FILES if p.suffix == ".md"]:
+    for page in [p for p in tracked() if p.suffix == ".md"]:
         for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text("utf-8")):
             if "://" not in target and not (page.parent / target).exists():
                 dead.append(f"{name_of(page)}: {target}")

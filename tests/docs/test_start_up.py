@@ -1,10 +1,9 @@
 """The command line answers before anything heavy is imported, and a command imports only what it needs."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
-
-import pytest
 
 from coastwatch.store import open_store
 
@@ -28,41 +27,42 @@ NOT_TO_READ = {
 HEAVY = NOT_TO_READ | {"numpy", "sqlalchemy"}
 MODELS = {f"coastwatch.{name}" for name in ("scenario", "sensors", "tracks", "picture", "cycle", "server", "workers")}
 CODE = """
-import sys
+import json, sys
 from coastwatch.operators.cli import main
-try:
-    main(sys.argv[1:])
-except SystemExit:
-    pass
+for arguments in json.loads(sys.argv[1]):
+    try:
+        main(arguments)
+    except SystemExit:
+        pass
 print("LOADED", *sorted(sys.modules))
 """
 
 
-def loaded(arguments: list[str]) -> set[str]:
-    """The modules inside packages, and these packages, that a command has imported; a lazy package that nobody used has no modules."""
-    done = subprocess.run([sys.executable, "-c", CODE, *arguments], capture_output=True, text=True, check=True, timeout=60)
+def loaded(commands: list[list[str]]) -> set[str]:
+    """The modules inside packages, and these packages, that commands have imported; a lazy package that nobody used has no modules."""
+    done = subprocess.run(
+        [sys.executable, "-c", CODE, json.dumps(commands)], capture_output=True, text=True, check=True, timeout=60
+    )
     names = {name for name in done.stdout.rpartition("LOADED")[2].split() if "." in name}
     assert names, done.stderr
     return names | {name.partition(".")[0] for name in names}
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["run", "--help"], ["run"], ["picture", "--bbox", "1"]])
-def test_help_and_refusals_import_nothing_heavy(arguments: list[str]) -> None:
-    assert loaded(arguments) & HEAVY == set()
+def test_help_and_refusals_import_nothing_heavy() -> None:
+    asked = [["--help"], ["--version"], ["run", "--help"], ["run"], ["picture", "--bbox", "1"]]
+    assert loaded(asked) & HEAVY == set()
 
 
 MOST_MODULES = 520
-"""Of a command that reads, the standard library included: what is imported is most of its time."""
+"""Of commands that read, the standard library included: what is imported is most of its time."""
 
 
-@pytest.mark.parametrize(
-    "command", [["picture"], ["track", "1"], ["sensors"], ["query", "alarms"], ["query"], ["runs"]], ids=" ".join
-)
-def test_a_command_that_reads_imports_no_compiled_kernel_and_no_model(command: list[str], tmp_path: Path) -> None:
-    """It runs every few seconds on a watch: what it imports is most of its time."""
+def test_commands_that_read_import_no_compiled_kernel_and_no_model(tmp_path: Path) -> None:
+    """They run every few seconds on a watch: what they import is most of their time."""
     url = f"sqlite:///{tmp_path / 'x.db'}"
     open_store(url).__enter__()
-    found = loaded([*command, "--db", url])
+    commands = [["picture"], ["track", "1"], ["sensors"], ["query", "alarms"], ["query"], ["runs"]]
+    found = loaded([[*command, "--db", url] for command in commands])
     assert found & (NOT_TO_READ | MODELS) == set()
     assert len(found) < MOST_MODULES
 

@@ -1,6 +1,7 @@
-"""Fixtures of servers and of finished runs."""
+"""Fixtures of servers, of finished runs and of a browser."""
 
+from browser_world import browser
 from run_fixtures import finished_run, start
 from server_fixtures import changing, served
 
-__all__ = ["changing", "finished_run", "served", "start"]
+__all__ = ["browser", "changing", "finished_run", "served", "start"]

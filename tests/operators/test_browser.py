@@ -17,7 +17,7 @@ import httpx2 as httpx
 import numpy as np
 import pytest
 import store_world
-from browser_world import ANY_TIME_S, NEEDS_PAGE, SIZE, Watch, chromium, grave_faults
+from browser_world import ANY_TIME_S, SIZE, Watch, grave_faults
 from PIL import Image
 from server_world import listening, wait_for
 
@@ -32,7 +32,7 @@ from coastwatch.operators.cli.serving import bound, following
 from coastwatch.store import Store, open_store
 from scaling.page.fleet import served_fleet
 
-pytestmark = [pytest.mark.whole, *NEEDS_PAGE]
+pytestmark = pytest.mark.whole
 
 VESSELS = 60
 SHADE = 4  # of 255, between a colour of the theme and a pixel of it
@@ -93,12 +93,6 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
     made = World(tmp_path_factory.mktemp("page"))
     yield made
     made.close()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as started:
-        yield started
 
 
 @pytest.fixture(scope="module")

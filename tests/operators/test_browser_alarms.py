@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser_world import NEEDS_PAGE, SIZE, Watch, chromium, grave_faults
+from browser_world import SIZE, Watch, grave_faults
 from server_world import listening
 
 from coastwatch.batches import BegunEvents, EventChanges, Flag
@@ -25,7 +25,7 @@ from coastwatch.stage import Plan
 from coastwatch.store import Rows, begin_run, open_store
 from scaling.page.fleet import NO_SENSORS, Fleet, Simulated
 
-pytestmark = [pytest.mark.whole, *NEEDS_PAGE]
+pytestmark = pytest.mark.whole
 
 NUMBER = {name: number for number, name in EVENT_KINDS.items()}
 VESSELS, OVERBOARD, SEED = 2_000, 1_234, 5
@@ -95,12 +95,6 @@ class Sea:
         self._stop.set()
         self._thread.join()
         self._opened.close()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as started:
-        yield started
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,12 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import store_world
-from browser_world import ANY_TIME_S, NEEDS_PAGE, SIZE, VIEW, Watch, chromium
+from browser_world import ANY_TIME_S, SIZE, VIEW, Watch
 from PIL import Image
 from server_world import listening, wait_for
 
@@ -23,7 +24,7 @@ from coastwatch.scenario.sites import Radar, sensors_of
 from coastwatch.server.live_video import LiveVideo
 from coastwatch.store import open_store
 
-pytestmark = [pytest.mark.whole, *NEEDS_PAGE]
+pytestmark = pytest.mark.whole
 
 SITE_DEG = np.array([-22.898, -43.155])
 SPOKES, CELLS, CELL_M, TURN_S = 1024, 256, 20.0, 2.4
@@ -46,7 +47,7 @@ def turn() -> RadarVideo:
 
 
 @pytest.fixture
-def watch(tmp_path: Path) -> Iterator[Watch]:
+def watch(browser: Any, tmp_path: Path) -> Iterator[Watch]:
     """The page on a small sea with one radar whose picture goes on."""
     latitude, longitude = SITE_DEG.tolist()
     radar = Radar(name="north", latitude_deg=latitude, longitude_deg=longitude, range_nm=3.0, rpm=25.0)
@@ -56,7 +57,7 @@ def watch(tmp_path: Path) -> Iterator[Watch]:
         while not stop.wait(0.3):
             video.take_as_sent(turn())
 
-    with open_store(str(tmp_path / "sea.db")) as opened, chromium() as browser:
+    with open_store(str(tmp_path / "sea.db")) as opened:
         run_id = store_world.begin(opened)
         for number in range(4):
             store_world.write(opened, run_id, number, 60)

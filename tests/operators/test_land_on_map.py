@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import shutil
 import time
 from collections.abc import Iterator
 from functools import cache
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from browser_world import ANY_TIME_S, SIZE
 from matplotlib.path import Path as Outline
 from PIL import Image
 from server_world import Served
@@ -25,7 +25,6 @@ from scaling.page.fleet import served_fleet
 
 pytestmark = pytest.mark.whole
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 POINTS = Path(__file__).parents[1] / "worlds" / "natural_earth_points.csv"
 KNOWN = (
     ("Barents Sea", 75.0, 40.0, False),
@@ -60,7 +59,6 @@ KNOWN = (
     ("mid-Atlantic", 0.0, -25.0, False),
 )
 SHADE = 4  # of 255, between a colour of the theme and a pixel of it
-ANY_TIME_S = 60.0  # the machine may be busy
 VIEWS = (  # latitude, longitude, zoom
     (73.0, 35.0, 3.0),
     (71.0, 25.0, 5.4),
@@ -241,23 +239,13 @@ def test_tiles_have_few_bytes(zoom: int, most: int) -> None:
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+def page(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """The page without vessels in the views."""
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if not (WEB / "index.html").is_file():
-        pytest.skip("the page is not built; `make web` builds it")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium is installed")
-    with (
-        served_fleet(1, 1, tmp_path_factory.mktemp("fleet"), WEB) as address,
-        sync_api.sync_playwright() as playwright,
-    ):
-        browser = playwright.chromium.launch(executable_path=CHROMIUM)
-        opened = browser.new_page(viewport={"width": 900, "height": 600})
+    with served_fleet(1, 1, tmp_path_factory.mktemp("fleet"), WEB) as address:
+        opened = browser.new_page(viewport=SIZE)
         opened.goto(f"{address}/?lat=0&lon=0&zoom=2")
         until(opened, "window.coastwatch?.points?.uploaded && coastwatch.map.isStyleLoaded()")
         yield opened
-        browser.close()
 
 
 def until(page: Any, script: str) -> None:

@@ -9,6 +9,7 @@ import re
 import signal
 import time
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,12 @@ from coastwatch.server.processes import over_processes
 
 pytestmark = pytest.mark.whole
 
-FOLDERS = published.chosen("rangel", ())
+
+@cache
+def rangel() -> dict[str, published.Published]:
+    return published.chosen("rangel", ())
+
+
 TWO = ("rangel-tables-3-4", "rangel-table-8")
 SHORT = ("cycles=3", "warmup_s=45", "input.count=40")  # only has to run
 TIMEOUT_S = 600.0
@@ -54,7 +60,7 @@ def at_first_point(of: published.Published) -> published.Published:
 
 def reproduced(folder: Path, names: tuple[str, ...], further: tuple[str, ...] = SHORT) -> report.Reproduction:
     """Some folders, short, one run of each variant."""
-    folders = {name: at_first_point(FOLDERS[name]) for name in names}
+    folders = {name: at_first_point(rangel()[name]) for name in names}
     plan, kept = planning.plan(folders, 1, "test", further), FinishedRuns(str(folder))
     running.carry_out(kept, planning.unlike(plan), 1, quiet, draw_run)
     return report.made("rangel", folders, plan, kept, "coastwatch reproduce rangel")
@@ -213,7 +219,7 @@ def test_systems_are_matched_once_and_only_nearby() -> None:
 
 
 def test_every_published_table_and_figure_has_a_folder() -> None:
-    said = " ".join(figure.source for of in FOLDERS.values() for figure in of.figure)
+    said = " ".join(figure.source for of in rangel().values() for figure in of.figure)
     wanted = {"Fig. 2", "Fig. 3", *(f"Table {n}" for n in ("I", "II", "III", "IV", "V", "VI", "VII", "VIII"))}
     assert wanted <= set(re.findall(r"Fig\. \d|Table [IV]+", said))
 
@@ -224,7 +230,7 @@ def test_a_folder_runs_and_fills_the_columns_that_it_names(whole: tuple[report.R
 
 @pytest.mark.slow
 def test_the_other_folders_do_so_too(tmp_path: Path) -> None:
-    columns_are_filled(reproduced(tmp_path, tuple(name for name, of in FOLDERS.items() if not of.picture and name not in TWO)))
+    columns_are_filled(reproduced(tmp_path, tuple(name for name, of in rangel().items() if not of.picture and name not in TWO)))
 
 
 def columns_are_filled(said: report.Reproduction) -> None:
@@ -240,7 +246,7 @@ def columns_are_filled(said: report.Reproduction) -> None:
 
 
 def test_equal_runs_of_two_tables_are_made_once() -> None:
-    plan = planning.plan({name: FOLDERS[name] for name in ("rangel-table-5", "rangel-table-7")}, 2, "test")
+    plan = planning.plan({name: rangel()[name] for name in ("rangel-table-5", "rangel-table-7")}, 2, "test")
     keys = {name: [job.key for one in wanted for job in one.jobs] for name, wanted in plan.items()}
     assert all(len(set(of)) == len(of) for of in keys.values())
     assert set(keys["rangel-table-5"]) <= set(keys["rangel-table-7"])
@@ -248,7 +254,7 @@ def test_equal_runs_of_two_tables_are_made_once() -> None:
 
 
 def test_timed_runs_come_last_and_as_many_as_the_paper_averages() -> None:
-    plan = planning.plan(FOLDERS, None, "test")
+    plan = planning.plan(rangel(), None, "test")
     serial = [job.serial for job in planning.unlike(plan)]
     assert serial == sorted(serial)
     assert any(serial)
@@ -342,11 +348,11 @@ def test_a_file_that_is_not_whole_is_run_again(tmp_path: Path) -> None:
 
 def test_settings_seed_and_code_decide_the_key() -> None:
     def keys(code: str, *further: str) -> set[str]:
-        folders = {"rangel-table-5": FOLDERS["rangel-table-5"]}
+        folders = {"rangel-table-5": rangel()["rangel-table-5"]}
         return {job.key for job in planning.unlike(planning.plan(folders, 2, code, further))}
 
     assert keys("a") == keys("a")
-    assert len(keys("a")) == 2 * len(FOLDERS["rangel-table-5"].variant)
+    assert len(keys("a")) == 2 * len(rangel()["rangel-table-5"].variant)
     assert not keys("a") & keys("b")
     assert not keys("a") & keys("a", "cycles=7")
     assert re.fullmatch(r"[\d.]+\+[0-9a-f]{12}", finished_runs.code())
@@ -396,7 +402,7 @@ def test_a_published_value_stands_in_the_line_of_the_papers_own_method_alone() -
 
 
 def test_every_value_that_is_not_compared_has_a_reason_and_every_missed_target_is_asked() -> None:
-    courses = [f for n in (6, 8) for f in FOLDERS[f"rangel-table-{n}"].figure if f.name.endswith("Weighted Average, course")]
+    courses = [f for n in (6, 8) for f in rangel()[f"rangel-table-{n}"].figure if f.name.endswith("Weighted Average, course")]
     assert [f.asked for f in courses] == [f.published for f in courses] == [1.09, 1.09, 1.08, 1.09]
     cells = [f for n in ("synchronous", "asynchronous") for f in published.chosen("sagild", (n,))[f"sagild-{n}"].figure]
     assert sum(f.equal and f.published is not None and not f.why_not for f in cells) == 108 + 9, (
@@ -409,7 +415,7 @@ def test_every_value_that_is_not_compared_has_a_reason_and_every_missed_target_i
     [((1.0,), "better"), ((1.5,), "worse"), ((1.05, 1.15), "equal within 2 standard errors"), ((1.4, 1.5), "worse"), ((), "")],
 )
 def test_a_method_is_compared_with_the_published_value_of_its_own(values: tuple[float, ...], verdict: str) -> None:
-    of = FOLDERS["rangel-table-6"]
+    of = rangel()["rangel-table-6"]
     figure = next(f for f in of.figure if f.name == "Weighted Average, course")
     assert Line(figure, of.named("literal weighted average"), Spread(values)).against_published == verdict
     assert Line(figure, of.named("default"), Spread(values)).against_published == ""
@@ -417,8 +423,8 @@ def test_a_method_is_compared_with_the_published_value_of_its_own(values: tuple[
     other = {"better": "not decided: one run", "worse": "differs"}.get(verdict, verdict)
     other = "not decided: one run" if len(values) == 1 else other
     assert Line(even, of.named("literal weighted average"), Spread(values), runs_published=30).against_published == other
-    counted = next(f for f in FOLDERS["rangel-tables-3-4"].figure if f.name == "TP")
-    literal = FOLDERS["rangel-tables-3-4"].named("literal")
+    counted = next(f for f in rangel()["rangel-tables-3-4"].figure if f.name == "TP")
+    literal = rangel()["rangel-tables-3-4"].named("literal")
     assert "scene differs" in Line(counted, literal, Spread((1.0,))).not_compared
 
 
@@ -451,7 +457,7 @@ def test_the_json_has_every_figure_and_every_run(whole: tuple[report.Reproductio
     assert {"processor", "processors", "system", "python", "load"} == set(made["machine"])
     for name, scenario in made["scenarios"].items():
         assert set(scenario) == {"title", "figures", "orderings", "absent", "variants"}
-        assert [f["name"] for f in scenario["figures"]] == [f.name for f in FOLDERS[name].figure for _ in f.variants]
+        assert [f["name"] for f in scenario["figures"]] == [f.name for f in rangel()[name].figure for _ in f.variants]
         for variant in scenario["variants"]:
             assert set(variant) == {"name", "title", "settings", "at", "scenario", "runs"}
             assert [run["seed"] for run in variant["runs"]] == [1000]

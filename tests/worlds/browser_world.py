@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +12,8 @@ import pytest
 
 from coastwatch.operators.api.application import WEB
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
-NEEDS_PAGE = [
-    pytest.mark.skipif(not (WEB / "index.html").is_file(), reason="the page is not built; `make web` builds it"),
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed"),
-]
 SIZE = {"width": 900, "height": 600}
 VIEW = "lat=-22.898&lon=-43.155&zoom=11"
 ANY_TIME_S = 30.0  # the machine may be busy
@@ -44,9 +38,11 @@ class Watch:
 
     def ask_a_loading_page(self, script: str) -> Any:
         """As `ask`; None while the page is replaced by another one."""
+        from playwright.sync_api import Error
+
         try:
             return self.ask(script)
-        except sync_api.Error as error:
+        except Error as error:
             if "Execution context was destroyed" not in str(error):
                 raise
             return None
@@ -60,9 +56,14 @@ class Watch:
         return answer
 
 
-@contextmanager
-def chromium() -> Iterator[Any]:
-    """A browser."""
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium, where it is installed and the page is built. It runs an event loop: modules without it would find one that runs."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium is installed")
+    if not (WEB / "index.html").is_file():
+        pytest.skip("the page is not built; `make web` builds it")
     with sync_api.sync_playwright() as playwright:
         started = playwright.chromium.launch(executable_path=CHROMIUM)
         yield started
