@@ -83,12 +83,12 @@ def events_of(kind: str, found: Iterator[BegunEvents]) -> list[tuple[float, str]
 @pytest.mark.parametrize("period_s", [3.0, 10.0])
 def test_a_vessel_that_stops_sending_within_range_is_lost_once(period_s: float, tmp_path: Path) -> None:
     """20 vessels at 10 kn; one sends nothing for 12 minutes, and then goes on."""
-    ways = [straight((-4000.0, 600.0 * k - 6000.0), 10.0, 90.0, (600.0, 1320.0) if k == 7 else (0.0, 0.0)) for k in range(20)]
-    scenario = scenario_of(tmp_path, ways, 1500.0, period_s)
+    ways = [straight((-4000.0, 600.0 * k - 6000.0), 10.0, 90.0, (300.0, 660.0) if k == 7 else (0.0, 0.0)) for k in range(20)]
+    scenario = scenario_of(tmp_path, ways, 750.0, period_s)
     found = events_of("lost", begun(scenario))
     assert len(found) == 1
     patience_s = scenario.ais_tracks.patience_s + scenario.ais_tracks.patience_intervals * REPORTS_S
-    assert 0.0 < found[0][0] - 600.0 - scenario.alarms.lost_after_s <= patience_s + 2.0 * period_s
+    assert 0.0 < found[0][0] - 300.0 - scenario.alarms.lost_after_s <= patience_s + 2.0 * period_s
     assert "under way at 10.0 kn before" in found[0][1]
 
 
