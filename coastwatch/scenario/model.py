@@ -118,6 +118,10 @@ class StoreSettings(Settings):
         """The settings with a limit for each time that is not set. One that is set to 0 stays: that is kept for ever."""
         return self.model_copy(update={name: hours for name, hours in LIVE_HOURS.items() if name not in self.model_fields_set})
 
+    def event_s(self, period_s: float) -> float:
+        """How long an event is kept after its end; inf: for ever. Until its gap has ended it may return."""
+        return max(self.event_hours * 3600.0, self.event_gap_s + period_s) if self.event_hours > 0.0 else math.inf
+
 
 class WorkerSettings(Settings):
     """How the work of a run is shared; all methods give the same picture.

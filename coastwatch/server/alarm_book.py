@@ -162,6 +162,13 @@ class AlarmBook:
         if news:
             self._listeners.tell()
 
+    def forget_ended(self, before_s: float) -> None:
+        """Drop the alarms that ended before a time: the database deletes them then, and nobody could acknowledge them."""
+        with self._lock:
+            gone = [alarm_id for alarm_id, alarm in self._alarms.items() if alarm.end_s is not None and alarm.end_s < before_s]
+            for alarm_id in gone:
+                del self._alarms[alarm_id]
+
     def compare(self, rows: Rows) -> None:
         """Take alarms as the database has them now. Args: rows: columns as of `Alarm`."""
         news: list[tuple[What, Alarm]] = []

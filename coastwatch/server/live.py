@@ -55,6 +55,9 @@ MOST_RESTARTS, RESTARTS_WITHIN_S = 5, 600.0
 """A run that fails is begun again from its checkpoint. One that fails more often in so long ends the process."""
 
 RESTART = Backoff(1.0, 30.0)
+FORGET_EVERY_S = 60.0
+"""So often alarms that ended long ago are dropped from memory, before the database deletes them: none can be acknowledged then."""
+
 SHOWN_S = 600.0
 """For how long after it a restart is shown as a trouble."""
 
@@ -139,6 +142,7 @@ class LiveRun:
         self._next_writer = threading.Lock()  # while one takes over from the one before
         self._left: deque[Trouble] = deque(maxlen=MOST_LEFT)  # alarms of earlier runs that nobody acknowledged
         self._acknowledged = store.Seen()  # by any server on the database
+        self._forgot_s = -math.inf  # time of the cycle in which alarms were last dropped from memory
         self._begun = False
         self._cycles_before = 0  # when this attempt began
         self._left_out: dict[str, tuple[int, float]] = {}  # by stage: as of Cycle, and the time of the last cycle with any
@@ -306,6 +310,9 @@ class LiveRun:
         if len(self._statics) > MOST_STATICS:
             self._statics = without_absent(self._statics, cycle.picture.mmsi)
         self.alarms.apply(cycle.events)
+        if not 0.0 <= cycle.time_s - self._forgot_s < FORGET_EVERY_S:
+            self._forgot_s = cycle.time_s
+            self.alarms.forget_ended(cycle.time_s + FORGET_EVERY_S + period_s - self.scenario.store.event_s(period_s))
         if self._on_video is not None:
             self._on_video(done.reports.video)
         self._left_out |= {stage: (count, clock.now_s()) for stage, count in cycle.left_out.items()}

@@ -119,6 +119,18 @@ def test_with_too_many_the_acknowledged_the_least_urgent_and_the_oldest_are_forg
     assert book.forgotten == 302 - len(kept)
 
 
+def test_those_that_ended_before_a_time_are_dropped_and_cannot_be_acknowledged() -> None:
+    book = AlarmBook()
+    book.begin(1)
+    book.apply(begun((1, "dark", 5.0), (2, "dark", 5.0), (3, "dark", 5.0)))
+    book.apply(replace(EventChanges.empty(), ended=spans((1, "dark", 5.0, 8.0), (2, "dark", 5.0, 9.0))))
+    first = next(alarm for alarm in book.alarms() if alarm.vessel_id == 1)
+    book.forget_ended(9.0)
+    assert {alarm.vessel_id for alarm in book.alarms()} == {2, 3}
+    assert book.acknowledge(first.alarm_id, BY) is None
+    assert book.forgotten == 0
+
+
 def test_a_reader_that_is_too_far_behind_begins_with_all(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(alarm_book, "MOST_CHANGES", 10)
     book = AlarmBook()

@@ -122,8 +122,8 @@ def delete_old(
     _delete_before(connection, run_id, "history", kept[0], history, most)
     _delete_before(connection, run_id, "details", kept[1], details, most)
     if keep.event_hours > 0.0:
-        event_s = max(keep.event_hours * 3600.0, keep.event_gap_s + period_s)
-        gone = _delete_before(connection, run_id, "events", 0, number + 1 - math.ceil(event_s / period_s), most)
+        first = number + 1 - math.ceil(keep.event_s(period_s) / period_s)
+        gone = _delete_before(connection, run_id, "events", 0, first, most)
         if gone or number % LOOK_EVERY == 0:
             _delete_acknowledgements(connection, run_id, keep.event_hours * 3600.0, most)
     if keep.recording_hours > 0.0:
