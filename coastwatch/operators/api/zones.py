@@ -34,10 +34,8 @@ TAGGED: dict[int | str, dict[str, Any]] = {
     for status in (200, 201)
 }
 TAG = r'(?:W/)?"[\x21\x23-\x7e]*"'
-IfMatch = Annotated[
-    str | None,
-    Header(max_length=200, pattern=rf"^(?:\*|{TAG}(?: *, *{TAG})*)$", description="the ETag of the zone that is to be changed"),
-]
+TAGS = re.compile(rf"{TAG}(?: *, *{TAG})*")
+IfMatch = Annotated[str, Header(max_length=200, description="the ETag of the zone that is to be changed; *: of any version")]
 router = APIRouter(prefix="/api/v1", responses=REFUSALS, route_class=CheckedRoute)
 
 
@@ -84,7 +82,7 @@ def zone(number: Number, response: Response, service: In) -> dict[str, object]:
 
 @router.put("/zones/{number:int}", responses=CONFLICT | CHANGED | {200: TAGGED[200]})
 def change(
-    number: Number, zone: Zone, request: Request, response: Response, service: In, if_match: IfMatch = None
+    number: Number, zone: Zone, request: Request, response: Response, service: In, if_match: IfMatch = "*"
 ) -> dict[str, object]:
     """Replace a zone; with `If-Match` only if nobody has changed it since. Returns: its feature."""
     stored = _changed(number, zone, request, service, if_match)
@@ -93,7 +91,7 @@ def change(
 
 
 @router.delete("/zones/{number:int}", responses=CONFLICT | CHANGED)
-def delete(number: Number, request: Request, service: In, if_match: IfMatch = None) -> dict[str, object]:
+def delete(number: Number, request: Request, service: In, if_match: IfMatch = "*") -> dict[str, object]:
     """Delete a zone; with `If-Match` only if nobody has changed it since. Its alarms end with the next cycle.
 
     Returns: its feature as it was.
@@ -105,16 +103,18 @@ def _tag(stored: StoredZone) -> str:
     return f'"{stored.version}"'
 
 
-def _versions(if_match: str | None) -> list[int] | None:
-    """The versions that a change may be of; None: any. A weak tag is never the same."""
-    if if_match in (None, "*"):
+def _versions(if_match: str) -> list[int] | None:
+    """The versions of which a zone must be that is changed; None: any. A weak tag is never the same. Raises: HTTPException."""
+    if if_match == "*":
         return None
-    return [int(tag) for tag in re.findall(r'(?<!W/)"([0-9]{1,18})"', str(if_match))]
+    if not TAGS.fullmatch(if_match):
+        raise HTTPException(400, f'If-Match: got {if_match!r}, needed the ETag of a zone, such as "2", or *')
+    return [int(tag) for tag in re.findall(r'(?<!W/)"([0-9]{1,18})"', if_match)]
 
 
-def _changed(number: int, zone: Zone | None, request: Request, service: Service, if_match: str | None) -> StoredZone:
+def _changed(number: int, zone: Zone | None, request: Request, service: Service, if_match: str) -> StoredZone:
     """The zone with this number as it is after a change, or as it was before it was deleted. Raises: HTTPException."""
-    run_row = service.run_row()
+    versions, run_row = _versions(if_match), service.run_row()
     if number < FIRST_NUMBER:
         if any(number == fixed.number for fixed in _of_scenario(run_row)):
             raise HTTPException(409, f"zone {number} is of the scenario file, needed one that was drawn or sent")
@@ -131,7 +131,7 @@ def _changed(number: int, zone: Zone | None, request: Request, service: Service,
             definition,
             at_s=time.time(),
             who=request.state.who,
-            versions=_versions(if_match),
+            versions=versions,
         )
     except ZoneChangedError as error:
         raise HTTPException(412, str(error)) from error
