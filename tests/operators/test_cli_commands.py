@@ -167,8 +167,8 @@ def test_runs_are_listed_deleted_and_kept(tmp_path: Path, capsys: pytest.Capture
     answer(["runs", "delete", "2", "--db", db], capsys)
     assert main(["runs", "keep", "0", "--db", db]) == 2  # it would delete every run
     assert "runs keep: got 0, needed 1 or more" in capsys.readouterr().err
-    assert len(answer(["runs", "keep", "1", "--db", db], capsys).splitlines()) == 3
-    assert [run["run"] for run in json.loads(answer(["runs", "--db", db, "--json"], capsys))] == [1]
+    assert len(answer(["runs", "keep", "1", "--db", db], capsys).splitlines()) == 4
+    assert [run["run"] for run in json.loads(answer(["runs", "--db", db, "--json"], capsys))] == [3, 1]
 
 
 def test_a_figure_that_fell_is_said_with_exit_code_4(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
