@@ -44,7 +44,7 @@ def rangel() -> dict[str, published.Published]:
 
 
 TWO = ("rangel-tables-3-4", "rangel-table-8")
-SHORT = ("cycles=3", "warmup_s=45", "input.count=40")  # only has to run
+SHORT = ("cycles=3", "warmup_s=45", "input.count=25")  # only has to run
 TIMEOUT_S = 600.0
 
 

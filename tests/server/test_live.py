@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import sqlite3
-import subprocess
-import sys
 import threading
 import time
 from dataclasses import replace
@@ -22,6 +20,7 @@ from coastwatch import store
 from coastwatch.batches import Flag
 from coastwatch.errors import StoreError
 from coastwatch.operators.api.service import Service
+from coastwatch.operators.cli import main
 from coastwatch.operators.typed import utc
 from coastwatch.scenario import load_scenario
 from coastwatch.server import clock
@@ -176,42 +175,42 @@ def test_a_run_that_goes_on_has_the_names_of_vessels_that_are_not_in_the_picture
         assert sorted(stored_statics(opened, run_id, 2)) == [710_000_010, 710_000_011]
 
 
-def test_a_second_server_on_a_database_is_refused_until_the_first_is_killed(tmp_path: Path, start: Start) -> None:
+def test_a_second_server_on_a_database_is_refused_until_the_first_is_killed(
+    tmp_path: Path, start: Start, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "x.db"
     words = ["serve", "context-driven-100", "--db", str(path), "--port", "0", "--workers", "1", "--set", "input.count=5"]
     first = start(*words)
     wait_for(lambda: path.exists() and stored(path) > 0, 300.0)  # kernels may be compiled first
-    second = start(*words)
-    _, said = second.communicate(timeout=60.0)
-    assert second.returncode == 2, said
-    assert f"--db: got {path}, where a server, process {first.pid}, is writing run 1, needed another database" in said
+    assert main(words) == 2
+    refused = f"--db: got {path}, where a server, process {first.pid}, is writing run 1, needed another database"
+    assert refused in capsys.readouterr().err
     assert column(path, "SELECT status FROM run") == ["running"]
     first.kill()
-    start(*words)
-    wait_for(lambda: column(path, "SELECT max(id) FROM run") == [2], 60.0)
+    first.wait()
+    with store.open_store(str(path)) as opened:
+        run = LiveRun(
+            load_scenario("context-driven-100", {"input.count": "5"}), Paced(), Service(opened).receive, database=str(path)
+        )
+        with run:
+            wait_for(lambda: column(path, "SELECT max(id) FROM run") == [2], 60.0)
 
 
-FAILS = """
-import sys
-from coastwatch.operators.cli import main
-from coastwatch.server import live, run
-
-def step(*given, **more):
-    raise ZeroDivisionError("a defect in each cycle")
-
-run.run_cycle, live.MOST_RESTARTS = step, 1
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-def test_a_server_whose_run_has_failed_for_good_ends_with_exit_code_1(tmp_path: Path) -> None:
+def test_a_server_whose_run_has_failed_for_good_ends_with_exit_code_1(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """So `Restart=on-failure` of systemd begins it again."""
+
+    def step(*given: object, **more: object) -> None:
+        raise ZeroDivisionError("a defect in each cycle")
+
+    monkeypatch.setattr("coastwatch.server.run.run_cycle", step)
+    monkeypatch.setattr("coastwatch.server.live.MOST_RESTARTS", 1)
     words = ["serve", "context-driven-100", "--db", str(tmp_path / "x.db"), "--port", "0", "--workers", "1"]
-    more = ["--set", "period_s=0.5", "--set", "input.count=5"]
-    done = subprocess.run([sys.executable, "-c", FAILS, *words, *more], capture_output=True, text=True, timeout=600)
-    assert done.returncode == 1, done.stderr
-    assert "the run is begun again after: a defect in each cycle" in done.stderr
-    assert done.stderr.rstrip().endswith("coastwatch: error: the run has failed: a defect in each cycle")
+    assert main([*words, "--set", "period_s=0.5", "--set", "input.count=5"]) == 1
+    err = capsys.readouterr().err
+    assert "the run is begun again after: a defect in each cycle" in err
+    assert err.rstrip().endswith("coastwatch: error: the run has failed: a defect in each cycle")
 
 
 def test_a_run_that_fails_says_why_and_the_server_goes_on(tmp_path: Path) -> None:
