@@ -22,7 +22,6 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from coastwatch import store
 from coastwatch.batches import DecidedPath
 from coastwatch.operators import presentation
-from coastwatch.operators.api.application import WEB
 from coastwatch.operators.selection import selected
 from coastwatch.store import Table
 from coastwatch.store.bbox import inside
@@ -426,7 +425,6 @@ def test_the_page_is_served_where_it_is_built_and_a_plain_one_says_so_where_not(
     with listening(served.service, web=web) as address:
         assert "map" in httpx.get(f"http://{address}/").text
         assert httpx.get(f"http://{address}/worker.mjs").headers["content-type"].startswith("text/javascript")
-    assert WEB.name == "web"
 
 
 def test_a_defect_is_answered_with_a_sentence_and_counted(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ import store_world as world
 from server_world import wait_for
 
 from coastwatch import store
-from coastwatch.batches import AisStatics, EventChanges, Flag
+from coastwatch.batches import AisStatics, Flag
 from coastwatch.errors import StoreError
 from coastwatch.operators.api import service as api_service
 from coastwatch.operators.api.service import Service
@@ -284,10 +284,6 @@ def test_the_end_waits_for_what_can_be_written_and_says_what_cannot(
     database.away, last = StoreError("disk full"), record(1, memory)
     with pytest.raises(StoreError, match="1 cycles could not be stored at the end: disk full"), writer_of(database) as writer:
         writer.put(last)
-
-
-def test_no_events_is_what_empty_means() -> None:
-    assert len(EventChanges.empty()) == 0
 
 
 def test_what_is_acknowledged_before_its_cycle_is_handed_over_is_written_after_it(

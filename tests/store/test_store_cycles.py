@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sqlalchemy import text
 
 from coastwatch import store as kept
-from coastwatch.batches import AisStatics, Picture, Reports
+from coastwatch.batches import AisStatics, Reports
 from coastwatch.errors import StoreError
 from coastwatch.store import Rows
 from coastwatch.store.rows import source_texts, to_python
@@ -222,4 +222,3 @@ def test_changed_rows_are_the_differences_of_two_sets(seed: int, before: int, no
 def test_rows_have_columns() -> None:
     rows = Rows(("a", "b"), [(1, 2), (3, 4)])
     assert rows.column("b") == [2, 4]
-    assert isinstance(world.picture_of(0, 3), Picture)

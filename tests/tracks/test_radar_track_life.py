@@ -82,7 +82,8 @@ def test_two_tracks_of_one_vessel_become_one():
     assert (count == 1).all()
 
 
-def test_ships_abreast_stay_two():
+@pytest.mark.parametrize("method", ["sided_imm", "sided_vimmjipda"])
+def test_ships_abreast_stay_two(method):
     """Two ships 60 m apart on one course, seen by both radars from 4 km: two tracks throughout."""
     one = world(1, 18)
     place = to_plane(two_radars().radars.site_deg[0], ORIGIN_DEG) + np.array([[4000.0, -500.0], [4060.0, -500.0]])
@@ -95,7 +96,7 @@ def test_ships_abreast_stay_two():
         kick_m_s=np.zeros((2, one.kick_m_s.shape[1], 2)),
     )
     plots = plots_of(pair, two_radars(), 120.0, 18)
-    _, out = run(TableTracker(method="sided_imm"), plots, 40)
+    _, out = run(TableTracker(method=method), plots, 40)
     assert [len(tracks) for tracks in out[12:]] == [2] * 28
 
 
@@ -131,6 +132,8 @@ def test_a_lost_track_coasts_then_ends_and_its_id_is_not_used_again():
     assert len(coasting) == len(before) > 10
     assert (coasting.updated_s <= 30.0).all()
     assert (coasting.time_s == 48.0).all()
-    assert len(gone) == 0
-    assert len(after) > 10
-    assert after.track_id.min() > before.track_id.max()
+    _, by_existence = run(TableTracker(method="vimmjipda"), silent, 40)
+    for lost, found in ((gone, after), (by_existence[22], by_existence[35])):
+        assert len(lost) == 0
+        assert len(found) > 10
+        assert found.track_id.min() > before.track_id.max()
