@@ -22,6 +22,7 @@ from coastwatch.server.timing import date_utc, machine
 from coastwatch.stage import serial
 from scaling.load.options import errors_as_one_line
 from scaling.load.progress import report_progress
+from scaling.load.ramp import exponent
 
 LAST = 4  # cycles whose median counts
 LEAST_S = 0.02  # in the largest run: of a stage that takes less no exponent is given
@@ -65,25 +66,19 @@ def measure(vessels: int, width_nm: float, cycles: int, scenario: str) -> dict[s
     }
 
 
-def exponents(runs: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """The exponent of growth of each stage, by a line through logarithms of seconds and vessels; NaN for a quick stage."""
-    names = runs[-1]["stages_s"]
-    vessels = np.log([run["vessels"] for run in runs])
-    out = {}
-    for name in names:
-        seconds = np.array([run["stages_s"][name] for run in runs])
-        known = len(runs) > 1 and seconds[-1] >= LEAST_S and seconds.min() > 0.0
-        out[name] = float(np.polyfit(vessels, np.log(seconds), 1)[0]) if known else float("nan")
-    return out
+def growth_of(runs: Sequence[dict[str, Any]], stage: str) -> float | None:
+    """The exponent of growth of a stage; None of one size, and for a quick stage."""
+    seconds = [run["stages_s"][stage] for run in runs]
+    return exponent([run["vessels"] for run in runs], seconds) if seconds[-1] >= LEAST_S and min(seconds) > 0.0 else None
 
 
 def table(runs: Sequence[dict[str, Any]]) -> str:
     """Seconds of a cycle by stage and number of vessels, and the exponents, as text."""
-    growth = exponents(runs)
     lines = [f"{'':<22}" + "".join(f"{run['vessels']:>10}" for run in runs) + "  exponent"]
     for name in runs[-1]["stages_s"]:
         row = "".join(f"{run['stages_s'][name]:10.3f}" for run in runs)
-        lines.append(f"{name:<22}{row}{growth[name]:10.2f}" if np.isfinite(growth[name]) else f"{name:<22}{row}{'-':>10}")
+        growth = growth_of(runs, name)
+        lines.append(f"{name:<22}{row}{'-' if growth is None else f'{growth:.2f}':>10}")
     for name in ("tracks", "bearing_tracks", "in_picture", "pairs_tested", "left_out"):
         lines.append(f"{name:<22}" + "".join(f"{run[name]:10d}" for run in runs))
     return "\n".join(lines)

@@ -35,20 +35,24 @@ def exponent(tracks: Sequence[float], cost: Sequence[float]) -> float | None:
     return float(np.polyfit(np.log(tracks), np.log(cost), 1)[0])
 
 
-def exponents(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Exponents of each cost and stage: over all sizes from `FIT_FROM` tracks, and between one size and the next."""
-    large = [f for f in runs if f["load"]["tracks"] >= FIT_FROM]
-    out: dict[str, Any] = {"fitted_from": FIT_FROM, "exponent": {}, "local": {}}
-    names = [*COSTS, *(f"stages_s.{stage}" for stage in runs[-1]["stages_s"])]
-    for name in names:
-        out["exponent"][name] = exponent([f["tracks"] for f in large], [_cost(f, name) for f in large])
-        out["local"][name] = [exponent([f["tracks"] for f in two], [_cost(f, name) for f in two]) for two in pairwise(runs)]
+def exponents(runs: Sequence[dict[str, Any]], size: str, stages: str, fit_from: int = 1) -> dict[str, Any]:
+    """Exponents of each cost and stage: over all sizes from `fit_from`, and between one size and the next.
+
+    Args: size: the key of the size in the load of a run; stages: of the seconds of its stages.
+    """
+    out: dict[str, Any] = {"exponent": {}, "local": {}}
+    for name in (*COSTS, *(f"{stages}.{stage}" for stage in runs[-1][stages])):
+        costs = [(f["load"][size], cost_of(f, name)) for f in runs]
+        large = [one for one in costs if one[0] >= fit_from]
+        out["exponent"][name] = exponent([n for n, _ in large], [cost for _, cost in large])
+        out["local"][name] = [exponent(*zip(*two, strict=True)) for two in pairwise(costs)]
     return out
 
 
-def _cost(figures: dict[str, Any], name: str) -> float:
+def cost_of(figures: dict[str, Any], name: str) -> float:
+    """A cost by its name in the figures of a run, a stage with its group and a dot before it; the median where there is one."""
     group, _, stage = name.partition(".")
-    found = figures[group][stage] if stage else figures[group]
+    found = figures[group].get(stage, 0.0) if stage else figures[group]
     return max(float(found["median"] if isinstance(found, dict) else found), 1e-6)
 
 
@@ -86,7 +90,7 @@ def main() -> None:
         for k, tracks in enumerate(wanted):
             progress(k, len(wanted), f"{tracks} tracks")
             runs.append(figures(CHECKOUT, ["--tracks", str(tracks), *arguments]))
-    fitted = exponents(runs)
+    fitted = {"fitted_from": FIT_FROM, **exponents(runs, "tracks", "stages_s", FIT_FROM)}
     print(json.dumps({"sizes": runs, **fitted}) if options.json else text(runs, fitted))
 
 

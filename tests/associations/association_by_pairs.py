@@ -3,11 +3,11 @@
 This is how it was done before it was done by arrays. Sums are taken in the same order, with the same library functions.
 """
 
-import math
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -117,40 +117,6 @@ def pairs_by_spot(tracks, spots, gate_m):
         yield sorted((a, b) for a, b in pairs if tracks.source[a] < tracks.source[b])
 
 
-def solve(cost):
-    """Row of each column in the cheapest assignment of all rows, -1 for none; of equal paths the lowest column wins."""
-    rows, columns = cost.shape
-    u, v, way, match = [0.0] * rows, [0.0] * columns, [-1] * columns, [-1] * columns
-    for start in range(rows):
-        shortest, done = [math.inf] * columns, [False] * columns
-        row, column, reached = start, -1, 0.0
-        while True:
-            nearest, least = -1, math.inf
-            for c in range(columns):
-                if done[c]:
-                    continue
-                length = reached + cost[row, c] - u[row] - v[c]
-                if length < shortest[c]:
-                    shortest[c], way[c] = length, column
-                if shortest[c] < least:
-                    nearest, least = c, shortest[c]
-            column, reached = nearest, least
-            done[column] = True
-            if match[column] < 0:
-                break
-            row = match[column]
-        u[start] += reached
-        for c in range(columns):
-            if done[c] and c != column:
-                u[match[c]] += reached - shortest[c]
-                v[c] -= reached - shortest[c]
-        while way[column] >= 0:
-            match[column] = match[way[column]]
-            column = way[column]
-        match[column] = start
-    return match
-
-
 def assign(first, second, gain):
     """Which pairs to take so that their gains sum to the most, each label of either side in one pair at most. Returns: (A,)."""
     taken = np.zeros(len(first), np.bool_)
@@ -159,21 +125,16 @@ def assign(first, second, gain):
         return taken
     firsts, row = np.unique(first[useful], return_inverse=True)
     seconds, column = np.unique(second[useful], return_inverse=True)
-    nodes = len(firsts) + len(seconds)
-    graph = coo_matrix((np.ones(len(useful)), (row, column + len(firsts))), shape=(nodes, nodes))
+    graph = coo_matrix((np.ones(len(useful)), (row, column + len(firsts))), shape=(len(firsts) + len(seconds),) * 2)
     label = connected_components(graph, directed=False)[1][row]
     for k in np.unique(label):
-        pairs = sorted(np.flatnonzero(label == k).tolist(), key=lambda p: (row[p], column[p]))
-        places = [list(dict.fromkeys(side[p] for p in pairs)) for side in (row, column)]
-        tall = len(places[0]) > len(places[1])
-        cost = np.zeros((len(places[0]), len(places[1])))
-        at = {p: (places[0].index(row[p]), places[1].index(column[p])) for p in pairs}
-        for p in pairs:
-            cost[at[p]] = -gain[useful[p]]
-        match = solve(cost.T if tall else cost)
-        for p in pairs:
-            i, j = at[p][::-1] if tall else at[p]
-            taken[useful[p]] = match[j] == i
+        mine = np.flatnonzero(label == k)
+        (rows, i), (columns, j) = (np.unique(side[mine], return_inverse=True) for side in (row, column))
+        gains = np.zeros((len(rows), len(columns)))
+        gains[i, j] = gain[useful[mine]]
+        chosen = np.zeros(gains.shape, np.bool_)
+        chosen[linear_sum_assignment(gains, maximize=True)] = True
+        taken[useful[mine]] = chosen[i, j]
     return taken
 
 

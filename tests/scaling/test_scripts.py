@@ -101,6 +101,21 @@ def test_what_cannot_be_measured_is_refused_in_one_line(
     assert message in err.splitlines()[-1]
 
 
+def test_a_ramp_has_the_exponents_of_its_costs_over_large_sizes_and_from_one_to_the_next() -> None:
+    runs = [
+        {
+            "load": {"tracks": n},
+            "compute_s": {"median": 1e-3 * n**1.5},
+            "compute_cpu_s": n,
+            "stages_s": {"spots": {"median": 2 * n}},
+        }
+        for n in (1000, 10_000, 100_000)
+    ]
+    found = ramp.exponents(runs, "tracks", "stages_s", 10_000)
+    assert found["exponent"] == pytest.approx({"compute_s": 1.5, "compute_cpu_s": 1.0, "stages_s.spots": 1.0})
+    assert found["local"]["compute_s"] == pytest.approx([1.5, 1.5])
+
+
 @pytest.mark.parametrize("there", [True, False])
 def test_queries_delete_only_a_database_that_they_made(there: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     database, measured = tmp_path / "watch.db", []

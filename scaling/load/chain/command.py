@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from statistics import mean, median
 from typing import Any
@@ -26,11 +25,10 @@ from scaling.load.chain.world import CLUTTER_PER_M2, Size, build_world, conditio
 from scaling.load.cycle import MIB, heading, summary, time_line, writer_behind
 from scaling.load.options import as_arguments, errors_as_one_line, load_parser
 from scaling.load.progress import report_progress
-from scaling.load.ramp import exponent
+from scaling.load.ramp import cost_of, exponents
 from scaling.load.run import STORE_STAGES
 
 MODULE = "scaling.load.chain"
-COSTS = ("compute_s", "compute_cpu_s")
 
 
 def run(load: Load) -> dict[str, Any]:
@@ -169,23 +167,7 @@ def ramp(sizes: Sequence[int], arguments: Sequence[str]) -> dict[str, Any]:
         for k, vessels in enumerate(sizes):
             progress(k, len(sizes), f"{vessels} vessels")
             runs.append(baseline.figures(baseline.CHECKOUT, ["--vessels", str(vessels), *arguments], MODULE))
-    return {"sizes": runs, **exponents(runs)}
-
-
-def exponents(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The power of the number of vessels with which each cost grows: over all sizes, and between one size and the next."""
-    out: dict[str, Any] = {"exponent": {}, "local": {}}
-    for name in (*COSTS, *(f"stages_cpu_s.{stage}" for stage in runs[-1]["stages_cpu_s"])):
-        costs = [(f["load"]["vessels"], _cost(f, name)) for f in runs]
-        out["exponent"][name] = exponent(*zip(*costs, strict=True))
-        out["local"][name] = [exponent(*zip(*two, strict=True)) for two in pairwise(costs)]
-    return out
-
-
-def _cost(figures: dict[str, Any], name: str) -> float:
-    group, _, stage = name.partition(".")
-    found = figures[group].get(stage, 0.0) if stage else figures[group]
-    return max(float(found["median"] if isinstance(found, dict) else found), 1e-6)
+    return {"sizes": runs, **exponents(runs, "vessels", "stages_cpu_s")}
 
 
 def ramp_text(made: dict[str, Any]) -> str:
@@ -206,7 +188,7 @@ def ramp_text(made: dict[str, Any]) -> str:
         f"{'ms; stages by processor time':<32}" + "".join(f"{f['load']['vessels']:>11d}" for f in runs) + "    exponent"
     )
     for name, power in made["exponent"].items():
-        costs = "".join(f"{1e3 * _cost(f, name):11.1f}" for f in runs)
+        costs = "".join(f"{1e3 * cost_of(f, name):11.1f}" for f in runs)
         local = " ".join("-" if p is None else f"{p:.2f}" for p in made["local"][name])
         overall = "-" if power is None else f"{power:.2f}"
         lines.append(f"  {name.removeprefix('stages_cpu_s.'):<30}{costs}    {overall} ({local})")
