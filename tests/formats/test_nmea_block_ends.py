@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from nmea_sentences import T0, sentence, tagged, wire
+from nmea_sentences import T0, checked, sentence, tagged, wire
 from spans import span_of
 
 from coastwatch.batches import FileContent
@@ -82,13 +82,6 @@ def test_the_stations_of_odd_messages_are_forgotten() -> None:
     assembler = Assembler("live", Tally())
     for number in range(2 * MOST_SLOTS):
         body = ",".join([*fields[:3], str(number), *fields[4:]])
-        said = f"!{body}*{_sum(body)}".encode()
+        said = f"!{body}*{checked(body)}".encode()
         assembler.whole(list(ais_sentences([said], "live", Tally()))[:1], False)
     assert sum(map(len, vars(assembler)["_newest"])) <= MOST_SLOTS * 4
-
-
-def _sum(body: str) -> str:
-    value = 0
-    for c in body.encode():
-        value ^= c
-    return f"{value:02X}"

@@ -10,10 +10,10 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+import alarm_world
 import httpx2 as httpx
 import numpy as np
 import pytest
@@ -21,8 +21,7 @@ from prometheus_client import Counter
 from server_world import Served, events, listening, wait_for
 from sqlalchemy import text
 
-from coastwatch.batches import AlarmKind, BegunEvents, EventChanges, EventSpans, Flag, VesselAlarms
-from coastwatch.batches.kinds import EVENT_KINDS
+from coastwatch.batches import AlarmKind, EventChanges, EventSpans, Flag, VesselAlarms
 from coastwatch.operators.api import alarms, webhooks
 from coastwatch.operators.api.alarms import AlarmStream
 from coastwatch.operators.api.service import Service
@@ -34,18 +33,12 @@ from coastwatch.store import open_store
 
 pytestmark = pytest.mark.whole
 
-NUMBER = {name: number for number, name in EVENT_KINDS.items()}
 OVERBOARD = 970_001
 
 
 def begun(kind: str, vessels: Sequence[int], start_s: float) -> EventChanges:
     """Alarms that begin, one of each vessel."""
-    n, vessel = len(vessels), np.array(vessels)
-    made = BegunEvents(
-        vessel, np.full(n, NUMBER[kind]), np.zeros(n, np.int64), np.full(n, start_s), np.zeros((n, 2)), np.ones(n),
-        np.full(n, -1), np.full(n, "seen", object),
-    )  # fmt: skip
-    return replace(EventChanges.empty(), begun=made)
+    return alarm_world.begun(*((vessel, kind, start_s) for vessel in vessels), text="seen")
 
 
 class FromBook:
@@ -147,26 +140,13 @@ def hooked(answer: Callable[[dict[str, Any]], int]) -> Iterator[tuple[str, list[
     """A receiver of a web hook. Args: answer: status to a message. Yields: its address, and the messages as they come."""
     taken: list[dict[str, Any]] = []
 
-    class Handler(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
-            said = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-            taken.append(said | {"delivery": self.headers["X-Coastwatch-Delivery"]})
-            self.send_response(answer(said))
-            self.end_headers()
+    def take(headers: dict[str, str], body: bytes) -> int:
+        said = json.loads(body)
+        taken.append(said | {"delivery": headers["x-coastwatch-delivery"]})
+        return answer(said)
 
-        def log_message(self, *unused: Any) -> None:
-            pass
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    server.daemon_threads = True
-    thread = threading.Thread(target=server.serve_forever)
-    thread.start()
-    try:
-        yield f"http://127.0.0.1:{server.server_address[1]}/", taken
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()
+    with alarm_world.hooked(take) as address:
+        yield address, taken
 
 
 @pytest.mark.parametrize("trouble", ["refused", "held", "broken"])
@@ -213,7 +193,7 @@ def test_a_hook_that_takes_no_other_message_is_told_of_a_man_overboard(trouble: 
 
 def ended(kind: str, vessel: int, start_s: float, end_s: float | None) -> EventChanges:
     """An alarm that ends, or returns."""
-    ints = np.array([vessel]), np.array([NUMBER[kind]]), np.zeros(1, np.int64)
+    ints = np.array([vessel]), np.array([alarm_world.NUMBER[kind]]), np.zeros(1, np.int64)
     spans = EventSpans(*ints, np.array([start_s]), np.array([math.nan if end_s is None else end_s]))
     return replace(EventChanges.empty(), **{"returned" if end_s is None else "ended": spans})
 

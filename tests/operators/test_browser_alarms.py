@@ -6,17 +6,16 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from alarm_world import begun
 from browser_world import SIZE, Watch, grave_faults
 from server_world import listening
 
-from coastwatch.batches import BegunEvents, EventChanges, Flag
-from coastwatch.batches.kinds import EVENT_KINDS
+from coastwatch.batches import Flag
 from coastwatch.operators.api.application import WEB
 from coastwatch.operators.api.service import Service
 from coastwatch.server.alarm_book import Alarm
@@ -27,7 +26,6 @@ from scaling.page.fleet import NO_SENSORS, Fleet, Simulated
 
 pytestmark = pytest.mark.whole
 
-NUMBER = {name: number for number, name in EVENT_KINDS.items()}
 VESSELS, OVERBOARD, SEED = 2_000, 1_234, 5
 PERIOD_S = 1.0
 ROWS = "[...document.querySelectorAll('#alarm-rows li')]"
@@ -82,14 +80,10 @@ class Sea:
 
     def raise_alarms(self, *rows: tuple[int, str, float]) -> None:
         """Alarms of one cycle. Args: rows: vessel, kind, start in seconds from now."""
-        vessel, kind, start = (np.array(column) for column in zip(*rows, strict=True))
-        n = len(rows)
-        places = np.stack([self.fleet.latitude_deg, self.fleet.longitude_deg], 1)[(vessel - 1) % VESSELS]
-        number, text = np.array([NUMBER[name] for name in kind]), np.full(n, "why it is", object)
-        begun = BegunEvents(
-            vessel, number, np.zeros(n, np.int64), time.time() + start, places, np.ones(n), np.full(n, -1), text
-        )
-        self.source.alarms.apply(replace(EventChanges.empty(), begun=begun))
+        places = np.stack([self.fleet.latitude_deg, self.fleet.longitude_deg], 1)
+        there = places[[(vessel - 1) % VESSELS for vessel, _, _ in rows]]
+        from_now = ((vessel, kind, time.time() + start) for vessel, kind, start in rows)
+        self.source.alarms.apply(begun(*from_now, text="why it is", position_deg=there))
 
     def close(self) -> None:
         self._stop.set()

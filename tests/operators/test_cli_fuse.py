@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nmea_sentences import with_sum
 
 from coastwatch.batches import Fault, FileContent, RadarCorrections
 from coastwatch.errors import InputError
@@ -222,20 +223,17 @@ def test_the_area_holds_what_the_sensors_cover_across_the_antimeridian() -> None
     assert made.height_nm == pytest.approx(1.1 * (12.0 + 6.0), rel=0.01)
 
 
+def sentence_of(body: str) -> str:
+    return with_sum(body).decode()
+
+
 def ttm(number: int, metres: np.ndarray, velocity: np.ndarray, time_s: float, relative_to_deg: float | None = None) -> str:
     """A sentence of a target, its bearing from the bow if a heading is given."""
     reach, bearing = np.hypot(*metres) / 1852.0, np.degrees(np.arctan2(*metres)) % 360.0
     speed, course = np.hypot(*velocity) / KNOT_M_S, np.degrees(np.arctan2(*velocity)) % 360.0
     form, bearing = ("T", bearing) if relative_to_deg is None else ("R", (bearing - relative_to_deg) % 360.0)
     body = f"RATTM,{number:02d},{reach:.4f},{bearing:.2f},{form},{speed:.2f},{course:.2f},T,,,N,,T,,,A"
-    return f"{time_s:.1f} {checked(body)}"
-
-
-def checked(body: str) -> str:
-    value = 0
-    for c in body.encode():
-        value ^= c
-    return f"${body}*{value:02X}"
+    return f"{time_s:.1f} {sentence_of(body)}"
 
 
 def test_finished_tracks_and_ais_become_two_ships(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -279,12 +277,12 @@ def test_a_file_of_tracks_that_is_named_as_ais_or_a_sonar_is_a_source_of_another
 
 def test_bearings_from_the_bow_need_position_and_heading(tmp_path: Path) -> None:
     at, velocity = np.array([3000.0, 1000.0]), np.array([4.0, -2.0])
-    own = checked("GPGGA,221320.00,1700.0000,S,17958.8000,E,1,8,1.0,1,M,,M,,")
+    own = sentence_of("GPGGA,221320.00,1700.0000,S,17958.8000,E,1,8,1.0,1,M,,M,,")
     lines = [f"{START_S:.1f} {own}", f"{START_S:.1f} {ttm(5, at, velocity, START_S, 30.0)[13:]}"]
-    lines += [f"{START_S + 1:.1f} {checked('HEHDT,30.0,T')}", ttm(5, at, velocity, START_S + 1, 30.0)]
+    lines += [f"{START_S + 1:.1f} {sentence_of('HEHDT,30.0,T')}", ttm(5, at, velocity, START_S + 1, 30.0)]
     lines += [
         ttm(6, at, velocity, START_S + 2, 30.0).replace(",A*", ",B*"),
-        checked("RATLL,09,1700.0000,S,17958.8000,E,X,221321.00,T,"),
+        sentence_of("RATLL,09,1700.0000,S,17958.8000,E,X,221321.00,T,"),
     ]
     file = tmp_path / "own.nmea"
     file.write_text("\n".join(lines) + "\n")
@@ -302,7 +300,7 @@ def test_columns_records_and_spans_of_every_file_are_listed(files: Path, capsys:
     text = (files / "plots.csv").read_text().splitlines()
     (files / "wind.csv").write_text("\n".join([text[0] + ",gust", *(line + ",3.5" for line in text[1:])]) + "\n")
     given = ["--plots", str(files / "wind.csv"), RADAR, "--ais", str(files / "ais.csv"), "--columns", "time=when,mmsi=ship"]
-    assert main(["fuse", *given, "--db", url]) == 0
+    assert main(["fuse", *given, "--db", url, "--set", "cycles=5"]) == 0
     out = capsys.readouterr().out
     assert "wind.csv: 120 radar plots, 2023-11-14T22:13:20Z to 2023-11-14T22:16:17Z" in out
     assert "columns read: time=when, range_m=range, azimuth\n    columns ignored: gust" in out
@@ -459,7 +457,7 @@ def test_a_radar_that_moves_needs_no_place_of_its_own(files: Path, capsys: pytes
     header, *lines = (files / "plots.csv").read_text().splitlines()
     rows = [f"{line},{SITE[0]},{SITE[1]}" for line in lines]
     (files / "moving.csv").write_text("\n".join([f"{header},own_latitude,own_longitude", *rows]) + "\n")
-    given = ["--columns", "time=when", "--db", f"sqlite:///{files / 'x.db'}", "--json"]
+    given = ["--columns", "time=when", "--db", f"sqlite:///{files / 'x.db'}", "--json", "--set", "cycles=20"]
     moves = "--radar=ship,,,12,20,10,0.3"
     assert main(["fuse", "--plots", str(files / "moving.csv"), moves, *given]) == 0
     assert json.loads(capsys.readouterr().out)["vessels"] == 2

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import json
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import pytest
+from alarm_world import hooked
 from server_world import listening, raise_alarm, wait_for
 
 from coastwatch.batches import AlarmKind
@@ -31,25 +30,12 @@ def receiver(answers: list[int]) -> Iterator[tuple[str, list[tuple[dict[str, str
     """A server that answers with these statuses, then with 204. Yields: its address; headers and bodies as they come."""
     taken: list[tuple[dict[str, str], bytes]] = []
 
-    class Handler(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
-            body = self.rfile.read(int(self.headers["Content-Length"]))
-            taken.append(({key.lower(): value for key, value in self.headers.items()}, body))
-            self.send_response(answers.pop(0) if answers else 204)
-            self.end_headers()
+    def take(headers: dict[str, str], body: bytes) -> int:
+        taken.append((headers, body))
+        return answers.pop(0) if answers else 204
 
-        def log_message(self, *unused: Any) -> None:
-            pass
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    thread = threading.Thread(target=server.serve_forever)
-    thread.start()
-    try:
-        yield f"http://127.0.0.1:{server.server_address[1]}/hook?key=hidden", taken
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()
+    with hooked(take) as address:
+        yield f"{address}hook?key=hidden", taken
 
 
 def test_alarms_are_sent_signed_and_again_until_they_are_taken(tmp_path: Path) -> None:

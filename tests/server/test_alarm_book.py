@@ -6,28 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from alarm_world import NUMBER, begun
 
 from coastwatch.alarms import EventMemory
-from coastwatch.batches import ALARM_KINDS, BegunEvents, EventChanges, EventSpans
-from coastwatch.batches.kinds import DISTRESS, EVENT_KINDS, PRIORITIES
+from coastwatch.batches import ALARM_KINDS, EventChanges, EventSpans
+from coastwatch.batches.kinds import DISTRESS, PRIORITIES
 from coastwatch.server import alarm_book
 from coastwatch.server.alarm_book import Alarm, AlarmBook, id_of, key_of, known_of
 from coastwatch.store import Acknowledgement, AlarmKey, Beginnings, Rows
 
 pytestmark = pytest.mark.contract
 
-NUMBER = {name: number for number, name in EVENT_KINDS.items()}
 BY = Acknowledgement(2000.0, "Ana", "called on 16", "watch")
-
-
-def begun(*rows: tuple[int, str, float]) -> EventChanges:
-    """Events that begin. Args: rows: vessel, kind, start."""
-    vessel, kind, start = (np.array(column) for column in zip(*rows, strict=True))
-    n = len(rows)
-    number = np.array([NUMBER[name] for name in kind])
-    text = np.array([f"why {k}" for k in range(n)], object)
-    made = BegunEvents(vessel, number, np.zeros(n, np.int64), start, np.zeros((n, 2)), np.ones(n), np.full(n, -1), text)
-    return replace(EventChanges.empty(), begun=made)
 
 
 def spans(*rows: tuple[int, str, float, float]) -> EventSpans:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from feed_world import SEA, SENSORS, START_S, cycles, deliver, items, joined, put, put_datagrams, receiving
+from nmea_sentences import with_sum
 from region_world import region_tracks
 
 from coastwatch.batches import limits
@@ -32,29 +33,21 @@ def faults(made: Any) -> dict[str, int]:
 
 
 @pytest.mark.parametrize(
-    "line",
+    "body",
     [
-        b"$RATTM,01,2.5,45.0*45", b"$RATTM,01,inf,45.0,T,10.0,90.0,T,0.1,1.0,N,NAME,T,,120000.00,A*00",
-        b"$RATTM,01,1e400,45.0,T,10.0,90.0,T*00", b"$RATLL,01*00", b"$RATLL,01,5047.7,N,99906.3,W,NAME,120000.00,T,*00",
-        b"$RATTM*00", b"$RATTM,,,,,,,,,,,,,,,*00",
+        "RATTM,01,2.5,45.0", "RATTM,01,inf,45.0,T,10.0,90.0,T,0.1,1.0,N,NAME,T,,120000.00,A",
+        "RATTM,01,1e400,45.0,T,10.0,90.0,T", "RATLL,01", "RATLL,01,5047.7,N,99906.3,W,NAME,120000.00,T,",
+        "RATTM", "RATTM,,,,,,,,,,,,,,,",
     ],
 )  # fmt: skip
-def test_a_target_sentence_that_is_cut_short_or_odd_is_counted(line: bytes) -> None:
-    body = line[1:].rpartition(b"*")[0]
-    good = [sum_of(b"RATTM,02,2.5,45.0,T,10.0,90.0,T,0.1,1.0,N,NAME,T,,,A"), sum_of(b"GPHDT,90.0,T")]
+def test_a_target_sentence_that_is_cut_short_or_odd_is_counted(body: str) -> None:
+    good = [with_sum("RATTM,02,2.5,45.0,T,10.0,90.0,T,0.1,1.0,N,NAME,T,,,A"), with_sum("GPHDT,90.0,T")]
     with receiving("ttm+listen://127.0.0.1:0?source=vts&site=-22.9,-43.1", sensors=WITH_SOURCE) as made:
-        put(made.ports[0], [sum_of(b"GPZDA,150641.00,15,06,2025,00,00"), sum_of(body), *good])
+        put(made.ports[0], [with_sum("GPZDA,150641.00,15,06,2025,00,00"), with_sum(body), *good])
         deliver(made, 4)
         tracks = joined(cycles(made), "tracks")
     assert 2 in tracks.number
     assert np.isfinite(tracks.position_deg).all()
-
-
-def sum_of(body: bytes) -> bytes:
-    value = 0
-    for c in body:
-        value ^= c
-    return b"$%s*%02X" % (body, value)
 
 
 @pytest.mark.parametrize(

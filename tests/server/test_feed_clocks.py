@@ -12,7 +12,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from feed_world import SCENARIO, SEA, SENSORS, deliver, items, put, sentence
+from feed_world import SCENARIO, SEA, SENSORS, deliver, items, put
+from nmea_sentences import with_sum
 from server_world import Served
 
 from coastwatch.batches import AisReports, Reports
@@ -152,7 +153,7 @@ def test_a_stamp_that_no_clock_shows_is_refused_and_one_far_ahead_is_said_after_
 
 
 def zda(when_s: float) -> bytes:
-    return sentence(datetime.fromtimestamp(when_s, UTC).strftime("GPZDA,%H%M%S.00,%d,%m,%Y,00,00"))
+    return with_sum(datetime.fromtimestamp(when_s, UTC).strftime("GPZDA,%H%M%S.00,%d,%m,%Y,00,00"))
 
 
 def plain(count: int, first: int = 0) -> list[bytes]:

@@ -34,8 +34,8 @@ from feed_world import (
     put_datagrams,
     receiving,
     same,
-    sentence,
 )
+from nmea_sentences import with_sum
 from run_world import Start
 from server_world import wait_for
 from video_world import captured
@@ -199,14 +199,14 @@ WITH_SOURCES = with_track_sources(SCENARIO, ["vts", "tower"]).sensors()
 
 def test_targets_of_a_radar_are_where_it_says_and_a_lost_one_is_set_aside() -> None:
     lines = [
-        sentence(
+        with_sum(
             "RATTM,01,1.0,90.0,T,10.0,180.0,T,,,N,,T,,150640.00,A"
         ),  # before any clock: near its arrival, far ahead of the rest
-        sentence("GPZDA,150641.00,15,06,2025,00,00"),
-        sentence("RATTM,07,1.0,90.0,T,10.0,180.0,T,,,N,,T,,150641.00,A"),
-        sentence("RATTM,08,2.0,0.0,R,5.0,90.0,T,,,N,,L,,150641.00,A"),
-        sentence("RATTM,09,2.0,0.0,R,5.0,90.0,T,,,N,,T,,150641.00,A"),
-        sentence("RATLL,11,5030.000,N,00106.000,W,X,150642.00,T,"),
+        with_sum("GPZDA,150641.00,15,06,2025,00,00"),
+        with_sum("RATTM,07,1.0,90.0,T,10.0,180.0,T,,,N,,T,,150641.00,A"),
+        with_sum("RATTM,08,2.0,0.0,R,5.0,90.0,T,,,N,,L,,150641.00,A"),
+        with_sum("RATTM,09,2.0,0.0,R,5.0,90.0,T,,,N,,T,,150641.00,A"),
+        with_sum("RATLL,11,5030.000,N,00106.000,W,X,150642.00,T,"),
         b"$RATTM,07,1.0,90.0,T,10.0,180.0,T,,,N,,T,,150641.00,A*00",
     ]
     with receiving("ttm+listen://127.0.0.1:0?source=vts&site=50.7,-1.1", sensors=WITH_SOURCES) as made:

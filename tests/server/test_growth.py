@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import reduce
-from operator import xor
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from feed_world import SENSORS
+from nmea_sentences import checked, tagged
 from server_world import Served, wait_for
 
 from coastwatch.batches import AisStatics, RadarReports, TrackSources
@@ -60,11 +59,7 @@ def test_reports_that_wait_are_bounded_and_the_oldest_go(monkeypatch: pytest.Mon
     assert found.received_s.min() == NOW_S + 5_000.0 - len(found)
 
 
-def checked(body: bytes) -> bytes:
-    return b"%s*%02X" % (body, reduce(xor, body[1:] if body[:1] == b"!" else body))
-
-
-NAMED = checked(b"!AIVDM,1,1,,A,H42O55i18tMET00000000000000,2")
+NAMED = "!AIVDM,1,1,,A,H42O55i18tMET00000000000000,2*" + checked("AIVDM,1,1,,A,H42O55i18tMET00000000000000,2")
 """Part A of message 24, which has a name."""
 
 
@@ -74,7 +69,7 @@ def test_names_of_a_sender_whose_clock_is_a_little_ahead_do_not_add_up() -> None
     used = 0
     for cycle in range(40):
         at_s = NOW_S + 3.0 * cycle
-        line = b"\\" + checked(b"c:%d" % (int(at_s) + 30)) + b"\\" + NAMED
+        line = tagged(f"c:{int(at_s) + 30}", NAMED).encode()
         decoder.decode([(at_s, line, 0)] * 20, None)
         used += len(decoder._named(at_s + 3.0)[1])
         assert sum(len(statics) for statics, _ in decoder._statics) <= 20 * 12
@@ -85,7 +80,7 @@ def test_names_of_a_receiver_that_wait_are_bounded(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(decoding, "MOST_WAITING", 100)
     decoder = AisDecoder("x", 0, False)
     for k in range(20):
-        decoder.decode([(NOW_S + k, NAMED, 0)] * 30, None)
+        decoder.decode([(NOW_S + k, NAMED.encode(), 0)] * 30, None)
         assert sum(len(rows) for _, rows in decoder._statics) <= 100
         assert sum(len(statics) for statics, _ in decoder._statics) <= 100
     assert decoder.counts.dropped >= 400

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import pytest
 import store_world as world
+from alarm_world import NUMBER, begun
 from sqlalchemy import text, update
 
 from coastwatch import store as kept
-from coastwatch.batches import BegunEvents
-from coastwatch.batches.kinds import EVENT_KINDS, IS_ALARM
+from coastwatch.batches.kinds import IS_ALARM
 from coastwatch.store import Acknowledgement, AlarmKey, Asked, Beginnings, Store
 from coastwatch.store.read import alarms as queries
 from coastwatch.store.schema.database import reading, writing
@@ -21,22 +20,15 @@ from coastwatch.store.write.events import Timeline, write_events
 
 pytestmark = pytest.mark.contract
 
-NUMBER = {name: number for number, name in EVENT_KINDS.items()}
 TIMELINE = Timeline(world.START_S, world.PERIOD_S)
 BY = Acknowledgement(1.0, "Ana", "", "watch")
 
 
 def raise_alarms(store: Store, run: int, number: int, kinds: Sequence[str], first: int = 1) -> None:
     """Write events that begin in a cycle, of vessels from a number on."""
-    from coastwatch.batches import EventChanges, EventSpans
-
-    n = len(kinds)
-    begun = BegunEvents(
-        np.arange(first, first + n), np.array([NUMBER[kind] for kind in kinds], np.int64), np.zeros(n, np.int64),
-        np.full(n, world.instant_s(number)), np.zeros((n, 2)), np.ones(n), np.full(n, -1), np.array(["why"] * n, object),
-    )  # fmt: skip
+    rows = ((vessel, kind, world.instant_s(number)) for vessel, kind in enumerate(kinds, first))
     with writing(store) as connection:
-        write_events(connection, run, number, EventChanges(begun, EventSpans.empty(), EventSpans.empty()), TIMELINE)
+        write_events(connection, run, number, begun(*rows, text="why"), TIMELINE)
 
 
 def vessels(found: tuple[Any, int]) -> list[int]:

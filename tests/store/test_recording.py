@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 import pytest
 import store_world as world
+from as_bytes import same
 from sqlalchemy import insert, text
 
 from coastwatch import store as kept
@@ -22,12 +22,6 @@ from coastwatch.store.schema.tables import CYCLE
 pytestmark = pytest.mark.contract
 
 CYCLES = 45
-
-
-def same(one: Any, two: Any) -> bool:
-    """Whether two batches have the same bits in every column."""
-    columns = [(getattr(one, f.name), getattr(two, f.name)) for f in fields(one)]
-    return all(a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes() for a, b in columns)
 
 
 def drifting(number: int, vessels: int = 700) -> tuple[Picture, Members]:

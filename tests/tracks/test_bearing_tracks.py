@@ -7,7 +7,6 @@ from dataclasses import replace
 import bearing_world as bw
 import numpy as np
 import pytest
-from as_bytes import as_bytes
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -65,10 +64,6 @@ def play(method: BearingWindow, cycles: list[BearingReports], sensors: Sensors, 
     for k, reports in enumerate(cycles):
         memory, tracks = method.step(memory, BearingInput(reports, START + period_s * (k + 1), sensors))
     return memory, tracks
-
-
-def same(a: object, b: object) -> bool:
-    return as_bytes(a) == as_bytes(b)
 
 
 def test_a_line_across_the_wrap_is_recovered() -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from as_bytes import same
 from hypotheses_textbook import look, root
 from radar_world import PERIOD_S, cut, plots_of, two_radars, world
 
@@ -130,16 +131,6 @@ def busy(transponders: str = "S4", **settings: object) -> tuple[MultiHypothesisL
         for now_s, place, messages in looks
     ]
     return method, method.begun(start, before_s), inputs
-
-
-def flat(value: object) -> list[object]:
-    return (
-        [x for f in fields(value) for x in flat(getattr(value, f.name))] if hasattr(value, "__dataclass_fields__") else [value]
-    )
-
-
-def same(a: object, b: object) -> bool:
-    return all(np.array_equal(x, y, equal_nan=True) for x, y in zip(flat(a), flat(b), strict=True))
 
 
 def test_it_resumes_to_the_bit_and_shuffled_plots_are_of_no_matter():

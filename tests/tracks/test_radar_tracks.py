@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from as_bytes import same
 from pydantic import TypeAdapter, ValidationError
 from radar_world import ORIGIN_DEG, PERIOD_S, cut, every_tracker, plots_of, run, two_radars, world
 
@@ -28,17 +29,6 @@ UNLIKE = [  # that take their plots each by a code of its own
     MultiHypothesisLiteral(plot_sigma_m=30.0, clutter_per_m2=1e-7, nearest_new_m=100.0, gate=9.21),
 ]
 ROUNDING = 1e-9  # relative; the two gains differ by rounding times the condition of the innovation
-
-
-def flat(value):
-    """Everything in a memory as one list of arrays and numbers."""
-    if is_dataclass(value):
-        return [x for f in fields(value) for x in flat(getattr(value, f.name))]
-    return [value]
-
-
-def same(a, b):
-    return all(np.array_equal(x, y, equal_nan=True) for x, y in zip(flat(a), flat(b), strict=True))
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import reduce
 from itertools import pairwise
-from operator import xor
 from typing import Any
 
 import numpy as np
@@ -96,7 +94,3 @@ def put_datagrams(port: int, found: list[bytes]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         for datagram in found:
             out.sendto(datagram, ("127.0.0.1", port))
-
-
-def sentence(body: str) -> bytes:
-    return f"${body}*{reduce(xor, body.encode()):02X}".encode()

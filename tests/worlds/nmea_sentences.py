@@ -32,6 +32,11 @@ def checked(body: str) -> str:
     return f"{value:02X}"
 
 
+def with_sum(body: str) -> bytes:
+    """A sentence that begins with a dollar."""
+    return f"${body}*{checked(body)}".encode()
+
+
 def tagged(tag: str, line: str) -> str:
     return f"\\{tag}*{checked(tag)}\\{line}"
 
