@@ -175,7 +175,7 @@ def run_scenario(
 
     with store.open_store(database) as opened:
         if restart:
-            store.discard_runs(opened, scenario.name, seed)
+            store.discard_runs(opened, scenario.name, seed, lambda done, runs, what: report(0, total, what))
         with open_workers(scenario.workers.method, count) as opened_workers:
             run = _Run(scenario, sensors, seed, source, live, stop, schedule, opened, opened_workers)
             video = any("radars" in feed for feed in source.feeds())

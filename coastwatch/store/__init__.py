@@ -10,6 +10,9 @@ from coastwatch.store.acknowledgements import acknowledged_since as acknowledged
 from coastwatch.store.audit import Change as Change
 from coastwatch.store.audit import changes as changes
 from coastwatch.store.audit import note_change as note_change
+from coastwatch.store.deletion import delete_run as delete_run
+from coastwatch.store.deletion import discard_runs as discard_runs
+from coastwatch.store.deletion import keep_runs as keep_runs
 from coastwatch.store.journal import ForCentres as ForCentres
 from coastwatch.store.journal import Intake as Intake
 from coastwatch.store.journal import journal_after as journal_after
@@ -49,10 +52,7 @@ from coastwatch.store.rows import Rows as Rows
 from coastwatch.store.rows import Table as Table
 from coastwatch.store.runs import Unfinished as Unfinished
 from coastwatch.store.runs import begin_run as begin_run
-from coastwatch.store.runs import delete_run as delete_run
-from coastwatch.store.runs import discard_runs as discard_runs
 from coastwatch.store.runs import finish_run as finish_run
-from coastwatch.store.runs import keep_runs as keep_runs
 from coastwatch.store.runs import last_good_run as last_good_run
 from coastwatch.store.runs import last_instant as last_instant
 from coastwatch.store.runs import latest_run as latest_run

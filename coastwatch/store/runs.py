@@ -1,4 +1,4 @@
-"""Begin, finish, resume, delete and list runs; their cycles by time."""
+"""Begin, finish, resume and list runs; their cycles by time. `deletion` deletes them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, cast
 
 import numpy as np
-from sqlalchemy import ColumnElement, Connection, Executable, RowMapping, Table, delete, func, insert, select, true, update
+from sqlalchemy import ColumnElement, Connection, Executable, RowMapping, Table, func, insert, select, update
 from sqlalchemy.exc import DBAPIError
 
 from coastwatch.batches import Fault, Floats, Radars, Sensors, Sonars, SourceKind, Stations
@@ -24,8 +24,7 @@ from coastwatch.store.schema.tables import (
     AIS_FEED,
     CHECKPOINT,
     CYCLE,
-    METADATA,
-    OF_NO_RUN,
+    DELETING,
     RUN,
     SENSOR,
     SOURCE,
@@ -125,7 +124,8 @@ def resume_run(store: Store, run_id: int, *, version: str, settings: Mapping[str
             _refuse_second_writer(connection, store)
         again = {"status": "running", "machine": machine, "process": process, "written_utc": now_utc(connection)}
         again |= {"version": version, "settings": dict(settings)} | ({"command": SERVER} if by_server else {})
-        connection.execute(update(RUN).where(RUN.c.id == run_id).values(finished_utc=None, **again))
+        if connection.execute(update(RUN).where(*is_there(run_id)).values(finished_utc=None, **again)).rowcount == 0:
+            raise no_run(connection, store, run_id)
 
 
 def finish_run(
@@ -140,7 +140,7 @@ def finish_run(
     ended: dict[str, object] = {"scores": dict(scores) if scores else None, "faults": [asdict(fault) for fault in faults]}
     with writing(store) as connection:
         ended |= {"status": status, "finished_utc": now_utc(connection)}
-        connection.execute(update(RUN).where(RUN.c.id == run_id).values(ended))
+        connection.execute(update(RUN).where(*is_there(run_id)).values(ended))
 
 
 def refuse_second_writer(store: Store) -> None:
@@ -210,7 +210,7 @@ def unfinished_runs(store: Store, scenario: str, seed: int) -> list[Unfinished]:
     """The runs of a scenario and seed that have a checkpoint and have not finished, newest first. Raises: StoreError."""
     r, of_run = RUN.c, CHECKPOINT.join(RUN, RUN.c.id == CHECKPOINT.c.run_id)
     query = select(r.id, r.version, r.settings, CHECKPOINT.c.cycle).select_from(of_run).where(CHECKPOINT.c.piece == 0)
-    query = query.where(r.scenario == scenario, r.seed == seed, r.status != "finished").order_by(r.id.desc())
+    query = query.where(r.scenario == scenario, r.seed == seed, r.status != "finished", *is_there()).order_by(r.id.desc())
     with reading(store) as connection:
         return [Unfinished(*row) for row in connection.execute(query)]
 
@@ -220,55 +220,6 @@ def read_checkpoint(store: Store, run_id: int) -> bytes:
     pieces = select(CHECKPOINT.c.memory).where(CHECKPOINT.c.run_id == run_id).order_by(CHECKPOINT.c.piece)
     with reading(store) as connection:
         return decompressed(b"".join(connection.scalars(pieces)))
-
-
-def discard_runs(store: Store, scenario: str, seed: int | None = None) -> list[int]:
-    """Delete all runs of a scenario (of one seed, where given) with everything they stored; returns their numbers.
-
-    A run that another process of this machine writes stays. Raises: StoreError.
-    """
-    r = RUN.c
-    which = select(r.id, r.machine, r.process).where(r.scenario == scenario, true() if seed is None else r.seed == seed)
-    with reading(store) as connection:
-        running = connection.execute(which.where(r.status == "running")).all()
-    mine = this_process()
-    others = [row for row in running if (row.machine, row.process) != mine]
-    live = [row.id for row in others if presence(row.machine, row.process) is Presence.HERE]
-    return _delete(store, which.with_only_columns(r.id).where(r.id.not_in(live)))
-
-
-def delete_run(store: Store, run_id: int) -> None:
-    """Delete one run with everything it stored. Raises: StoreError where there is none, or it is being written."""
-    if run_status(store, run_id) == "running":
-        raise StoreError(f"{store.where}: run {run_id} is being written: got delete, needed a run that has ended")
-    _delete(store, select(RUN.c.id).where(RUN.c.id == run_id))
-
-
-def keep_runs(store: Store, count: int, scenario: str | None = None) -> list[int]:
-    """Delete all but the newest runs; one that is being written stays. Returns: the deleted ones.
-
-    Args: count: how many stay; scenario: delete only runs of this scenario, and never its last good run.
-    Raises: StoreError.
-    """
-    listed = runs(store)
-    about = zip(*(listed.column(name) for name in ("id", "scenario", "status", "scores", "verdict")), strict=True)
-    of_scenario = [row for row in about if scenario in (None, row[1])]
-    good = [number for number, _, status, scores, verdict in of_scenario if status == "finished" and scores and not verdict]
-    stay = set() if scenario is None else set(good[:1])
-    old = [number for number, _, status, *_ in of_scenario[count:] if status != "running" and number not in stay]
-    return _delete(store, select(RUN.c.id).where(RUN.c.id.in_(old)))
-
-
-def _delete(store: Store, which: Executable) -> list[int]:
-    with writing(store) as connection:
-        run_ids = list(connection.scalars(which))
-        for run_id in run_ids:
-            for table in (t for t in reversed(METADATA.sorted_tables) if t not in OF_NO_RUN):
-                column = table.c.id if table.name == "run" else table.c.run_id
-                connection.execute(delete(table).where(column == run_id))
-    for run_id in run_ids:
-        store.run_states.pop(run_id, None)
-    return run_ids
 
 
 class Run(TypedDict):
@@ -287,7 +238,10 @@ class Run(TypedDict):
 
 
 def runs(store: Store) -> Rows:
-    """Every run, newest first, without its settings. Status `died`: it was not ended, and its process is no longer there."""
+    """Every run, newest first, without its settings. Status `died`: it was not ended, and its process is no longer there.
+
+    `deleting`: it is in no answer but this one.
+    """
     stored = select(CYCLE.c.run_id, func.count().label("done")).group_by(CYCLE.c.run_id).subquery()
     r, done = RUN.c, func.coalesce(stored.c.done, 0).label("cycles_stored")
     shown = [r.id, r.scenario, r.title, r.seed, r.version, r.status, r.started_utc, r.finished_utc, r.workers, done, r.cycles]
@@ -295,7 +249,7 @@ def runs(store: Store) -> Rows:
     names = tuple(column.name for column in shown)
     query = select(*shown, r.machine, r.process).outerjoin(stored, stored.c.run_id == r.id).order_by(r.id.desc())
     with reading(store) as connection:
-        rows = [dict(row) | {"status": _status(connection, row)} for row in connection.execute(query).mappings()]
+        rows = [dict(row) | {"status": status_of(connection, row)} for row in connection.execute(query).mappings()]
     return Rows(names, [tuple(row[name] for name in names) for row in rows])
 
 
@@ -303,10 +257,10 @@ def run(store: Store, run_id: int) -> Run:
     """One run with settings, scores and faults. Raises: StoreError where there is none."""
     stored = select(func.count()).where(CYCLE.c.run_id == run_id).scalar_subquery().label("cycles_stored")
     with reading(store) as connection:
-        row = connection.execute(select(*RUN.c, stored).where(RUN.c.id == run_id)).mappings().first()
+        row = connection.execute(select(*RUN.c, stored).where(*is_there(run_id))).mappings().first()
         if row is None:
             raise no_run(connection, store, run_id)
-        return cast(Run, dict(row) | {"status": _status(connection, row)})
+        return cast(Run, dict(row) | {"status": status_of(connection, row)})
 
 
 def run_status(store: Store, run_id: int) -> str:
@@ -315,10 +269,10 @@ def run_status(store: Store, run_id: int) -> str:
         row = connection.execute(select(RUN).where(RUN.c.id == run_id)).mappings().first()
         if row is None:
             raise no_run(connection, store, run_id)
-        return _status(connection, row)
+        return status_of(connection, row)
 
 
-def _status(connection: Connection, row: RowMapping) -> str:
+def status_of(connection: Connection, row: RowMapping) -> str:
     """The status of a row of `run`; `died` where it is `running` and its process is gone.
 
     A process of this machine is asked: a live run may wait for its feeds for hours. One of another machine is taken to be gone once
@@ -349,7 +303,7 @@ def last_good_run(store: Store, scenario: str, seed: int, before: int) -> tuple[
 
 def latest_run(store: Store, scenario: str | None = None) -> int:
     """The number of the newest run (of a scenario). Raises: StoreError where there is none."""
-    query = select(func.max(RUN.c.id))
+    query = select(func.max(RUN.c.id)).where(*is_there())
     number = _fetch(store, query if scenario is None else query.where(RUN.c.scenario == scenario)).rows[0][0]
     if number is None:
         raise StoreError(f"{store.where}: holds no run" + (f" of {scenario}" if scenario else ""))
@@ -359,7 +313,7 @@ def latest_run(store: Store, scenario: str | None = None) -> int:
 def newest_picture(store: Store, run_id: int | None = None) -> tuple[int, int, float] | None:
     """Run, cycle and time of the newest stored picture (of a run); None where there is none."""
     with reading(store) as connection:
-        number = connection.scalar(select(func.max(RUN.c.id))) if run_id is None else run_id
+        number = connection.scalar(select(func.max(RUN.c.id)).where(*is_there(run_id)))
         cycle = None if number is None else newest_cycle(connection, number, CYCLE.c.picture_kept)
     return None if number is None or cycle is None else (number, *cycle)
 
@@ -398,15 +352,20 @@ def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | No
     return -1 if cycle is None else int(cycle)
 
 
+def is_there(run_id: int | None = None) -> list[ColumnElement[bool]]:
+    """That a run (with this number) is not being deleted."""
+    return [RUN.c.status != DELETING, *([] if run_id is None else [RUN.c.id == run_id])]
+
+
 def run_exists(connection: Connection, store: Store, run_id: int) -> None:
     """Raises: StoreError where there is no such run."""
-    if connection.scalar(select(RUN.c.id).where(RUN.c.id == run_id)) is None:
+    if connection.scalar(select(RUN.c.id).where(*is_there(run_id))) is None:
         raise no_run(connection, store, run_id)
 
 
 def no_run(connection: Connection, store: Store, run_id: int) -> StoreError:
     """The refusal of a run that is not there, with the runs that are."""
-    numbers = sorted(connection.scalars(select(RUN.c.id).order_by(RUN.c.id.desc()).limit(MOST_NAMED)))
+    numbers = sorted(connection.scalars(select(RUN.c.id).where(*is_there()).order_by(RUN.c.id.desc()).limit(MOST_NAMED)))
     needed = f"needed one of {', '.join(map(str, numbers))}" if numbers else "the database holds none"
     return StoreError(f"{store.where}: there is no run {run_id}, {needed}; `coastwatch runs` lists all")
 

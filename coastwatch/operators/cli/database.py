@@ -11,6 +11,7 @@ from pathlib import Path
 from coastwatch import store
 from coastwatch.errors import InputError
 from coastwatch.operators import presentation
+from coastwatch.operators.cli.progress import report_progress
 from coastwatch.store.schema import migrate
 
 STAMP = "%Y%m%dT%H%M%SZ"
@@ -62,8 +63,8 @@ def restore(options: argparse.Namespace) -> int:
 
 
 def prune(options: argparse.Namespace) -> int:
-    with presentation.opened(options.db) as opened:
-        done = store.prune(opened, options.older_than, options.only)
+    with presentation.opened(options.db) as opened, report_progress("run") as show:
+        done = store.prune(opened, options.older_than, options.only, show)
     if not options.only:
         print(f"runs: {len(done.runs)} deleted")
     for kind, count in done.rows.items():

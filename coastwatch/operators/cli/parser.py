@@ -285,7 +285,7 @@ def reproduce(parser: Parser) -> None:
 def runs(parser: Parser) -> None:
     """The runs of a database, newest first: scenario, seed, version, cycles, status and main scores. `runs delete ID` deletes
     one, `runs keep N` all but the newest N, 1 or more; a run that is being written stays. Status died: it was not ended, and its process
-    is gone, or has written nothing for a minute.
+    is gone, or has written nothing for a minute. Status deleting: the next deletion, or the server, finishes it.
     """
     text = "what to do (default: list)"
     parser.add_argument("action", metavar="delete|keep", nargs="?", choices=("delete", "keep"), help=text)

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES
 from coastwatch.errors import InputError
 from coastwatch.operators import export, presentation, recorded_frames
+from coastwatch.operators.cli.progress import report_progress
 from coastwatch.operators.selection import selected
 from coastwatch.spelling import printable
 from coastwatch.store import Rows, Store, delete_run, keep_runs, operator_queries
@@ -64,10 +65,11 @@ def runs(options: argparse.Namespace) -> int:
     if options.action == "keep" and not options.number:
         raise InputError("runs keep: got 0, needed 1 or more; `runs delete ID` deletes the last one")
     with presentation.opened(options.db) as store:
-        if options.action == "delete":
-            delete_run(store, options.number)
-        elif options.action == "keep":
-            keep_runs(store, options.number)
+        with report_progress("run") as show:
+            if options.action == "delete":
+                delete_run(store, options.number, show)
+            elif options.action == "keep":
+                keep_runs(store, options.number, on_part=show)
         rows = presentation.runs(store)
     _write(rows if options.format == "json" else presentation.runs_table(rows), options)
     return 0

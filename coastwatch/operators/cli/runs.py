@@ -58,8 +58,8 @@ def carry_out(scenario: Scenario, options: argparse.Namespace, seed: int | None,
         return INTERRUPTED
     has_fallen, has_lost = fell(result, options), any(fault.kind in LOSSES for fault in result.faults)
     if getattr(options, "keep", None) is not None:
-        with store.open_store(result.database) as opened:
-            store.keep_runs(opened, options.keep, result.scenario)
+        with store.open_store(result.database) as opened, progress.report_progress("run") as show:
+            store.keep_runs(opened, options.keep, result.scenario, show)
     return FAILED if has_lost else FELL if has_fallen else DONE
 
 

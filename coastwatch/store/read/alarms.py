@@ -26,7 +26,7 @@ from coastwatch.batches import ALARM_KINDS
 from coastwatch.batches.kinds import PRIORITIES, SUSPICION
 from coastwatch.store.acknowledgements import AlarmKey, is_alarm
 from coastwatch.store.rows import Rows, fetch_rows
-from coastwatch.store.runs import newest_cycle
+from coastwatch.store.runs import is_there, newest_cycle
 from coastwatch.store.schema.database import Store, reading
 from coastwatch.store.schema.tables import ACKNOWLEDGEMENT, EVENT, EVENT_GAP, EVENT_KEY, RUN, VESSEL_STATIC, same_event
 
@@ -141,7 +141,8 @@ def left_unacknowledged(store: Store, run_id: int) -> tuple[int, int] | None:
     """
     scenario = select(RUN.c.scenario).where(RUN.c.id == run_id).scalar_subquery()
     with reading(store) as connection:
-        before = connection.scalar(select(func.max(RUN.c.id)).where(RUN.c.id < run_id, RUN.c.scenario == scenario))
+        of_before = RUN.c.id < run_id, RUN.c.scenario == scenario, *is_there()
+        before = connection.scalar(select(func.max(RUN.c.id)).where(*of_before))
         count = 0
         if before is not None:
             count = connection.scalar(select(func.count()).select_from(EVENT).where(E.run_id == before, UNACKNOWLEDGED)) or 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sqlalchemy import ColumnElement, Connection, and_, exists, func, or_, select
 
-from coastwatch.store.runs import SERVER, between
+from coastwatch.store.runs import SERVER, between, is_there
 from coastwatch.store.schema.database import Store, reading
 from coastwatch.store.schema.tables import CYCLE, EVENT, RUN
 
@@ -51,5 +51,5 @@ def _runs(connection: Connection, run_id: int, condition: ColumnElement[bool]) -
     """The runs up to this one, newest first, that a server wrote over its scenario and that meet a condition; if one wrote it."""
     this = RUN.alias()
     same = and_(this.c.id == run_id, this.c.command == SERVER, RUN.c.command == SERVER, RUN.c.scenario == this.c.scenario)
-    query = select(RUN.c.id).select_from(RUN.join(this, same)).where(RUN.c.id <= run_id, condition)
+    query = select(RUN.c.id).select_from(RUN.join(this, same)).where(RUN.c.id <= run_id, *is_there(), condition)
     return list(connection.scalars(query.order_by(RUN.c.id.desc())))

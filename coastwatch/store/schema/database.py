@@ -368,7 +368,8 @@ def log_size(store: Store) -> int:
 def long_log_warning(store: Store, vessels: int) -> str | None:
     """A sentence where a reader holds the write-ahead log, so that it grows; None where all is well.
 
-    Where readers follow each other closely, the log is cut in a moment between two of them.
+    Where readers follow each other closely, the log is cut in a moment between two of them. A log that is copied and could not be cut,
+    as another process writes, is no reader's: the next cycle cuts it.
     """
     if log_size(store) < TOO_LONG * log_bytes(vessels):
         return None
@@ -376,10 +377,10 @@ def long_log_warning(store: Store, vessels: int) -> str | None:
         raw = sqlite_connection(connection)
         raw.execute(f"PRAGMA busy_timeout = {TRUNCATE_WAIT_MS}")
         try:
-            is_busy, _, _ = raw.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+            is_busy, pages, copied = raw.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
         finally:
             raw.execute(f"PRAGMA busy_timeout = {int(store.wait_s * 1000.0)}")
-    if not is_busy:
+    if not is_busy or copied >= pages:  # -1 both: another process copies it now
         return None
     return f"{store.file}-wal has grown to {log_size(store) / 1e6:.0f} MB: another process reads in one transaction and does not end it"
 

@@ -9,14 +9,14 @@ from alembic.autogenerate import compare_metadata
 from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from alembic.util import CommandError
-from sqlalchemy import Connection, text
+from sqlalchemy import Connection, select, text
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.schema import CreateIndex, CreateTable, ExecutableDDLElement
 
 from coastwatch.errors import StoreError
 from coastwatch.shipped import folder, migrations_folder, schema_folder
 from coastwatch.store.schema.database import WAIT_S, Store, connect, other_schema, reading, revision, writing
-from coastwatch.store.schema.tables import METADATA, REVISION, REVISION_TABLE
+from coastwatch.store.schema.tables import DELETING, METADATA, REVISION, REVISION_TABLE, RUN
 
 DIALECTS = {"sqlite": sqlite.dialect, "postgresql": postgresql.dialect}
 
@@ -86,9 +86,10 @@ def problems(connection: Connection) -> list[str]:
         sentences += [f"foreign key: a row of {row[0]} names a missing {row[2]}" for row in missing]
         mode = connection.execute(text("PRAGMA journal_mode")).scalar_one()
         sentences += [] if mode in ("wal", "memory") else [f"journal_mode: got {mode}, needed wal"]
+    halves = {str(number) for number in connection.scalars(select(RUN.c.id).where(RUN.c.status == DELETING))}
     for part in (folder("db") / "check.sql").read_text("utf-8").split("\n\n")[1:]:  # below the sentence that should hold
         sentence, _, sql = part.partition("\n")
-        runs = sorted({str(row[0]) for row in connection.execute(text(sql))})
+        runs = sorted({str(row[0]) for row in connection.execute(text(sql))} - halves)
         if runs:
             sentences.append(f"whole cycles: not so in run {', '.join(runs)}: {sentence.removeprefix('-- ')}")
     return sentences

@@ -106,7 +106,7 @@ RUN = Table(
     *nullable(String(32), "written_utc"),  # when the process that writes it last wrote: a cycle, or that it waits for one
     *nullable(Text, "machine"),  # where the process that writes it runs
     *nullable(WHOLE, "process"),  # its number there
-    *required(WORD, "status"),  # running, finished, interrupted, failed
+    *required(WORD, "status"),  # running, finished, interrupted, failed, deleting
     *required(REAL, "period_s"),
     *required(WHOLE, "cycles"),  # planned, warm-up included
     *required(WHOLE, "warmup_cycles"),
@@ -118,6 +118,9 @@ RUN = Table(
     sqlite_autoincrement=True,
 )
 """One run of a scenario. Ids are never used twice."""
+
+DELETING = "deleting"
+"""Status of a run of which rows are being deleted. Nobody reads, writes or resumes it; the list of runs has it."""
 
 SENSOR = of_run(
     "sensor",

@@ -22,12 +22,13 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import Column, Connection, Table, and_, delete, exists, func, select, text, tuple_, update
+from sqlalchemy import Column, Connection, Table, and_, delete, exists, func, select, text, update
 
+from coastwatch.store.deletion import OnPart, delete_part, delete_runs, left_behind, mark_deleting, no_progress
 from coastwatch.store.processes import Presence, presence
 from coastwatch.store.recording import delete_recording
 from coastwatch.store.rows import delete_rows
-from coastwatch.store.runs import delete_run, runs
+from coastwatch.store.runs import is_there, runs
 from coastwatch.store.schema.database import Store, now_utc, reading, writing
 from coastwatch.store.schema.tables import (
     ACKNOWLEDGEMENT,
@@ -35,12 +36,12 @@ from coastwatch.store.schema.tables import (
     CHECKPOINT,
     CYCLE,
     DECIDED_PATH,
+    DELETING,
     EVENT,
     EVENT_GAP,
     EVENT_KEY,
     HISTORY,
     METADATA,
-    OF_NO_RUN,
     RUN,
     STAGE_TIMING,
     STAYS,
@@ -221,6 +222,8 @@ def delete_ended(connection: Connection, run_id: int, keep: StoreSettings) -> in
     Only runs whose own settings had a retention go. A run with an alarm that lasts and that nobody has acknowledged stays, without its
     history. Args: run_id: of the run that goes on, and keep: its settings. Returns: rows deleted.
     """
+    if behind := left_behind(connection):
+        return delete_part(connection, behind[0])[0]
     has_cycle = exists().where(CYCLE.c.run_id == RUN.c.id)
     has_alarm = exists().where(EVENT.c.run_id == RUN.c.id, EVENT.c.to_cycle.is_(None), text("event.unacknowledged"))
     limited = RUN.c.settings[("store", "history_hours")].as_float() > 0.0
@@ -232,7 +235,7 @@ def delete_ended(connection: Connection, run_id: int, keep: StoreSettings) -> in
         if kept_s is not None:
             silent = ended_utc < now_utc(connection, -timedelta(seconds=kept_s))
             query = select(RUN.c.id, RUN.c.status, RUN.c.machine, RUN.c.process).where(
-                RUN.c.id != run_id, silent, limited, condition
+                RUN.c.id != run_id, *is_there(), silent, limited, condition
             )
             for row in connection.execute(query.order_by(RUN.c.id).limit(FEW)).all():
                 if row.status != "running" or presence(row.machine, row.process) is not Presence.HERE:
@@ -258,25 +261,16 @@ def _delete_ended_history(connection: Connection, run_id: int) -> int:
 
 
 def _delete_ended_run(connection: Connection, run_id: int) -> int:
-    """Delete rows of a run in the order of their keys, table by table, and in the end the run. Returns: rows."""
-    left = ROWS
-    for table in (one for one in reversed(METADATA.sorted_tables) if one not in (*OF_NO_RUN, RUN)):
-        key = [column for column in table.primary_key if column.name != "run_id"]
-        here = select(*key).where(table.c.run_id == run_id).order_by(*key)
-        last = connection.execute(here.offset(left - 1).limit(1)).first()
-        upto = () if last is None else (tuple_(*key) <= tuple_(*last),)
-        left -= connection.execute(delete(table).where(table.c.run_id == run_id, *upto)).rowcount
-        if left <= 0:
-            return ROWS
-    connection.execute(delete(RUN).where(RUN.c.id == run_id))
-    return ROWS - left
+    """Mark a run as being deleted, and delete a part of it. Returns: rows."""
+    mark_deleting(connection, RUN.c.id == run_id)
+    return delete_part(connection, run_id)[0]
 
 
-def prune(store: Store, older_s: float, kinds: Collection[str] = ()) -> Pruned:
+def prune(store: Store, older_s: float, kinds: Collection[str] = (), on_part: OnPart = no_progress) -> Pruned:
     """Delete at once what is older than so many seconds, beside a run that goes on.
 
     Args: kinds: of KINDS; none: runs that ended so long ago, by the clock of the database, and OF_RUNS of all others. The age of
-    what is in a run is counted from its newest cycle.
+    what is in a run is counted from its newest cycle. on_part: called while runs are deleted.
     Raises: StoreError.
     """
     pruned = Pruned()
@@ -286,11 +280,14 @@ def prune(store: Store, older_s: float, kinds: Collection[str] = ()) -> Pruned:
         listed = runs(store)
         names = ("id", "status", "finished_utc", "written_utc", "started_utc")
         for number, status, *instants in zip(*(listed.column(name) for name in names), strict=True):
-            if status != "running" and next(filter(None, instants)) < oldest_kept:
-                delete_run(store, number)
+            if status not in ("running", DELETING) and next(filter(None, instants)) < oldest_kept:
                 pruned.runs.append(number)
+        delete_runs(store, pruned.runs, on_part)
     wanted = kinds or OF_RUNS
-    for run_id in runs(store).column("id"):
+    listed = runs(store)
+    for run_id in (
+        number for number, status in zip(listed.column("id"), listed.column("status"), strict=True) if status != DELETING
+    ):
         of_run = CYCLE.c.run_id == run_id
         with reading(store) as connection:
             newest_s = connection.scalar(select(func.max(CYCLE.c.time_s)).where(of_run)) or 0.0

@@ -10,7 +10,7 @@ from sqlalchemy import Connection, and_, delete, false, func, insert, select, up
 from coastwatch.batches import Ints, RegistrationState
 from coastwatch.store.history_rule import Points, no_points, rate_deg_s
 from coastwatch.store.rows import fetch_arrays
-from coastwatch.store.runs import newest_cycle
+from coastwatch.store.runs import is_there, newest_cycle
 from coastwatch.store.schema.database import NoSuchRunError
 from coastwatch.store.schema.tables import (
     AIS_FEED,
@@ -59,7 +59,7 @@ def read_run_state(connection: Connection, run_id: int, where: str) -> RunState:
 
     Raises: StoreError where there is no such run.
     """
-    running = connection.execute(update(RUN).where(RUN.c.id == run_id).values(status="running", finished_utc=None))
+    running = connection.execute(update(RUN).where(*is_there(run_id)).values(status="running", finished_utc=None))
     if running.rowcount == 0:
         raise no_such_run(run_id, where)
     number, time_s = newest_cycle(connection, run_id) or (-1, -np.inf)

@@ -18,6 +18,7 @@ from coastwatch.store import history_rule
 from coastwatch.store.journal import NOTHING_PASSED, ForCentres, compressed, write_for_centres
 from coastwatch.store.recording import record as write_recording
 from coastwatch.store.rows import Column, delete_rows, insert, source_texts, update_rows
+from coastwatch.store.runs import is_there
 from coastwatch.store.schema import database
 from coastwatch.store.schema.database import Store
 from coastwatch.store.schema.tables import (
@@ -273,7 +274,7 @@ def note_running(store: Store, run_id: int) -> None:
 
 
 def _note_running(connection: Connection, store: Store, run_id: int) -> None:
-    written = update(RUN).where(RUN.c.id == run_id).values(written_utc=database.now_utc(connection))
+    written = update(RUN).where(*is_there(run_id)).values(written_utc=database.now_utc(connection))
     if connection.execute(written).rowcount == 0:
         raise no_such_run(run_id, store.where)
 
