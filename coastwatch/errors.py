@@ -21,5 +21,9 @@ class DatabaseAddressError(StoreError, InputError):
     """A URL that names no database of a known kind: exit code 2."""
 
 
+class OtherSchemaError(StoreError, InputError):
+    """A database of another schema: exit code 2, as no second attempt mends it."""
+
+
 class RunFailedError(ExplainedError):
     """The run of a server has failed for good: the process ends with exit code 1, and whatever started it may start it again."""

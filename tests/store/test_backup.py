@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import store_world as world
@@ -15,6 +16,7 @@ from coastwatch.errors import StoreError
 from coastwatch.operators.cli import main
 from coastwatch.scenario import StoreSettings
 from coastwatch.store import Store
+from coastwatch.store.schema import opening
 from coastwatch.store.schema.database import reading, writing
 from coastwatch.store.schema.migrate import check
 
@@ -144,3 +146,18 @@ def test_what_is_old_goes_and_the_rest_is_whole(url: str) -> None:
         assert kept.changes(store, 9)[1] == 1
         assert kept.prune(store, DAY_S, ["audit"]).rows == {"audit": 1}
     assert check(url) == []
+
+
+def test_a_copy_leaves_room_for_the_database_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, copy = tmp_path / "watch.db", tmp_path / "copy.db"
+    with kept.open_store(str(path)) as store:
+        world.write(store, world.begin(store), 0)
+        free = opening.RESERVE_BYTES
+        monkeypatch.setattr(opening.shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
+        with pytest.raises(
+            StoreError, match=r"disk full: .*copy.db: 100.0 MB free in .* MB that stay for the database; no copy"
+        ):
+            kept.backup(store, copy)
+        assert list(tmp_path.glob("copy*")) == []
+        free += 50_000_000
+        assert kept.backup(store, copy) > 0

@@ -23,6 +23,7 @@ from test_recording import same
 
 from coastwatch import store as kept
 from coastwatch.errors import StoreError
+from coastwatch.operators.cli import main
 from coastwatch.shipped import migrations_folder, schema_folder
 from coastwatch.store.bbox import inside
 from coastwatch.store.schema import migrate
@@ -337,6 +338,7 @@ def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
         connection.execute(text(f"UPDATE {REVISION_TABLE} SET version_num = '9999'"))
     with pytest.raises(StoreError, match=f"schema: got 9999, needed {REVISION}: it was written by a newer Coastwatch"):
         kept.open_store(url)
+    assert main(["serve", "--db", url, "--port", "0"]) == 2  # a second start would not mend it
     (found,) = migrate.check(url)
     assert "written by a newer Coastwatch" in found
     assert "upgrade" not in found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
@@ -10,7 +11,7 @@ from pathlib import Path
 
 from sqlalchemy import func, select
 
-from coastwatch.errors import StoreError
+from coastwatch.errors import OtherSchemaError, StoreError
 from coastwatch.store.schema.database import (
     WAIT_S,
     QueryLimit,
@@ -29,6 +30,9 @@ from coastwatch.store.schema.tables import METADATA, REVISION, REVISIONS
 
 MAKES_TABLES = 0x636F617374
 """Key of the advisory lock of PostgreSQL while tables are made: the bytes of "coast"."""
+
+RESERVE_BYTES, RESERVE_SHARE = 100_000_000, 0.1
+"""Room that a copy leaves for a database on the same disk: at least so many bytes, and so much of the pages in use."""
 
 PART = ".part"
 """End of the name of a copy that is not yet whole."""
@@ -50,7 +54,7 @@ def open_store(url: str, *, create: bool = True, wait_s: float = WAIT_S, limit: 
         if stored is None:
             stored = _make_tables(store)
         if stored != REVISION:
-            raise StoreError(f"{store.where}: {other_schema(stored)}")
+            raise OtherSchemaError(f"{store.where}: {other_schema(stored)}")
     except BaseException:
         store.close()
         raise
@@ -86,6 +90,8 @@ def backup(store: Store, path: Path) -> int:
         raise FileExistsError(f"{path}: is there already, needed the name of a new file")
     part = path.with_name(path.name + PART)
     part.unlink(missing_ok=True)
+    with refusals(store), store.engine.connect() as connection:
+        _require_room(sqlite_connection(connection), store.file, path)
     try:
         with refusals(store), _room_for(path), store.engine.connect() as connection:
             sqlite_connection(connection).execute("VACUUM INTO ?", (str(part),))
@@ -104,6 +110,24 @@ def backup(store: Store, path: Path) -> int:
         raise
     _put_on_disk(path.parent)
     return path.stat().st_size
+
+
+def _require_room(raw: sqlite3.Connection, source: Path | None, path: Path) -> None:
+    """Raises: StoreError where a copy would not fit, or would take the last room of the database that is in use on the same disk."""
+    pages, unused, page_bytes = (
+        raw.execute(f"PRAGMA {name}").fetchone()[0] for name in ("page_count", "freelist_count", "page_size")
+    )
+    size, folder = (pages - unused) * page_bytes, path.absolute().parent
+    if not folder.is_dir():
+        return
+    is_beside = source is not None and source.is_file() and source.stat().st_dev == folder.stat().st_dev
+    reserve = max(RESERVE_BYTES, int(RESERVE_SHARE * size)) if is_beside else 0
+    free = shutil.disk_usage(folder).free
+    if free < size + reserve:
+        kept = f" and {reserve / 1e6:.1f} MB that stay for the database" if reserve else ""
+        raise StoreError(
+            f"disk full: {path}: {free / 1e6:.1f} MB free in {folder}, needed {size / 1e6:.1f} MB of the copy{kept}; no copy is left"
+        )
 
 
 @contextmanager
@@ -126,7 +150,7 @@ def restore(source: Path, url: str) -> int:
         with reading(backup_store) as connection:
             schema = revision(connection, backup_store.where)
         if schema is None or schema > REVISION:
-            raise StoreError(f"{backup_store.where}: {other_schema(schema)}")
+            raise OtherSchemaError(f"{backup_store.where}: {other_schema(schema)}")
         with connect(url, WAIT_S, may_create=True, touch=False) as new:
             if new.file is None:
                 raise StoreError(f"{new.where}: got PostgreSQL, needed an SQLite database: pg_restore restores PostgreSQL")
