@@ -15,7 +15,7 @@ SILENT_S = 60.0
 class Trouble(NamedTuple):
     """Something that an operator should know."""
 
-    kind: str  # store, log, behind, restart, alarms, feed, video, clock, crowd, tokens, picture, zone, webhook
+    kind: str  # store, log, behind, restart, alarms, feed, video, clock, crowd, tokens, certificate, picture, zone, webhook
     name: str  # of the feed, radar, file, stage, zone, web hook or run; empty: there is one of its kind
     since_s: float | None  # Unix time; None: not known
     text: str

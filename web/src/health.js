@@ -7,7 +7,7 @@ const STATUS_LATE_S = 10; // it is asked for each 3 s
 const A_DAY_S = 86400;
 const KINDS = { // of the server; a kind that is not here has no title
   store: 'Database', log: 'Database', behind: 'Late', restart: 'Run', feed: 'Feed', clock: 'Clock', tokens: 'Tokens', picture: 'Picture',
-  crowd: 'Crowd', zone: 'Zone', webhook: 'Web hook',
+  certificate: 'Certificate', crowd: 'Crowd', zone: 'Zone', webhook: 'Web hook',
   sensor: 'Sensor', run: 'Run', alarms: 'Alarms', status: 'Server', connection: 'Connection',
 };
 const SILENT_KINDS = { radar: 'radar', ais: 'AIS receiver' }; // a sonar that hears no ship is silent too

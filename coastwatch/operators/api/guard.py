@@ -26,6 +26,7 @@ from starlette.websockets import WebSocket
 
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.bounds import LARGEST_BODY, too_large
+from coastwatch.operators.api.certificate import Certificate
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.operators.api.people import FILES_A_SECOND, FILES_AT_ONCE, Limits, Person, Tokens, TrustedProxy
 from coastwatch.server.troubles import Trouble
@@ -92,6 +93,7 @@ class Guard:
     tokens: Tokens | None = None
     proxy: TrustedProxy | None = None
     secure: bool = False  # the cookie is sent over TLS only
+    certificate: Certificate | None = None  # of https
     recheck_s: float = RECHECK_S
     limits: Callable[[], Limits] = Limits
     file_limits: Callable[[], Limits] = partial(Limits, FILES_A_SECOND, FILES_AT_ONCE)
@@ -110,8 +112,12 @@ class Guard:
         return self.tokens is None and self.proxy is None
 
     def troubles(self) -> list[Trouble]:
-        """What is wrong with the file of tokens."""
-        return [] if self.tokens is None else self.tokens.troubles()
+        """What is wrong with the files of tokens and certificate."""
+        return [trouble for one in self.files() for trouble in one.troubles()]
+
+    def files(self) -> list[Certificate | Tokens]:
+        """What is read again while the server runs."""
+        return [one for one in (self.certificate, self.tokens) if one is not None]
 
     def refusal(self, method: str, headers: Headers, socket: bool) -> str | None:
         """Why a request is refused by its host or origin; None: it is not."""

@@ -60,8 +60,9 @@ def say(line: str, **fields: Any) -> None:
 class Watch:
     """Logs what changes in a server, looked at once a second. Use it in a `with` block."""
 
-    def __init__(self, service: Service) -> None:
-        self._service, self._stop = service, threading.Event()
+    def __init__(self, service: Service, hangup: threading.Event | None = None) -> None:
+        """Args: hangup: set when SIGHUP has come; its files are read again then, here and not where the signal interrupts."""
+        self._service, self._stop, self._hangup = service, threading.Event(), hangup or threading.Event()
         self._error: str | None = None
         self._began = False  # pictures have come
         self._connected: dict[str, bool] = {}
@@ -89,6 +90,12 @@ class Watch:
 
     def look(self) -> None:
         """Log what has changed since the last look."""
+        if self._hangup.is_set():
+            self._hangup.clear()
+            files = self._service.files
+            LOG.info("SIGHUP: certificate and tokens are read again" if files else "SIGHUP: there is no file to read again")
+            for one in files:
+                one.reread()
         source = self._service.source
         error = source.error()
         if error != self._error:

@@ -74,6 +74,18 @@ class Metrics:
         ProcessCollector(registry=self.registry)
         self.registry.register(_Asked(self))
 
+    def certificate(self, left_s: Callable[[], float]) -> None:
+        """Tell how long the TLS certificate is valid, s, whenever that is asked for."""
+        left = Gauge(
+            "coastwatch_tls_expires_seconds", "Until the TLS certificate ends; negative: it has", registry=self.registry
+        )
+        left.set_function(left_s)
+
+    def disk(self, free_bytes: Callable[[], float]) -> None:
+        """Tell how much room the disk of the database has, whenever that is asked for."""
+        free = Gauge("coastwatch_disk_free_bytes", "Free bytes of the disk of an SQLite database", registry=self.registry)
+        free.set_function(free_bytes)
+
     def ask(self, source: Asked) -> None:
         """Read the counts of a run and of its feeds from this function whenever they are asked for."""
         self.source = source

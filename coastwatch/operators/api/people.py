@@ -90,7 +90,8 @@ class Tokens:
 
     def __init__(self, path: Path) -> None:
         """Raises: InputError, OSError that name the file."""
-        self._path, self._read_at = path, _stamp(path)
+        self._path = path
+        self._read_at: tuple[int, ...] | None = stamp(path)
         self._tokens = read(path)
         self._wrong: tuple[float, str] | None = None  # since when, and what
         if not self._tokens:
@@ -109,26 +110,32 @@ class Tokens:
         wrong = self._wrong
         return [] if wrong is None else [Trouble("tokens", self._path.name, *wrong, False)]
 
+    def reread(self) -> None:
+        """Read the file again, whether it has changed or not."""
+        self._read_at = None
+        self._reload()
+
     def _reload(self) -> None:
+        now: tuple[int, ...] | None = None
         try:
-            stamp = _stamp(self._path)
-            if stamp == self._read_at:
+            now = stamp(self._path)
+            if now == self._read_at:
                 return
             self._tokens = read(self._path)
         except (OSError, InputError) as error:
-            stamp = None if isinstance(error, OSError) else stamp
+            now = None if isinstance(error, OSError) else now
             reason = error.strerror if isinstance(error, OSError) else str(error).removeprefix(f"{self._path}: ")
             self._note(f"the tokens of before hold: {reason}")
         else:
             self._note("" if self._tokens else "there is no token in it, so nobody may ask")
-        self._read_at = stamp
+        self._read_at = now
 
     def _note(self, trouble: str) -> None:
         since_s = time.time() if self._wrong is None else self._wrong[0]
         self._wrong = (since_s, trouble) if trouble else None
 
 
-def _stamp(path: Path) -> tuple[int, ...] | None:
+def stamp(path: Path) -> tuple[int, ...]:
     """What changes with a file. Raises: OSError."""
     about = path.stat()
     return about.st_mtime_ns, about.st_size, about.st_ino

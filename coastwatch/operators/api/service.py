@@ -107,6 +107,14 @@ class Counted(Protocol):
         ...
 
 
+class Reread(Protocol):
+    """What has files that may change while the server runs."""
+
+    def reread(self) -> None:
+        """Read them again. What is wrong is a trouble."""
+        ...
+
+
 @dataclass
 class Service:
     """The parts of a running server. `run_id` is of the newest picture."""
@@ -122,6 +130,7 @@ class Service:
     journals: Sequence[Counted] = ()  # to which the tracks of this region are published
     end: Callable[[], None] = lambda: None  # ends the server
     asked: list[Callable[[], list[Trouble]]] = field(default_factory=list)  # others who may have troubles
+    files: Sequence[Reread] = ()  # what is read again at SIGHUP
     _about: tuple[int, RunAbout] | None = None  # of a run in the database
     _past: tuple[PastKey, LivePicture] | None = None  # the picture of the past that was asked for last
 

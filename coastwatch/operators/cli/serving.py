@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import errno
 import os
+import shutil
+import signal
 import socket
 import sys
 import threading
@@ -24,6 +26,7 @@ from coastwatch.operators import presentation
 from coastwatch.operators.api import logs
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.bounds import LARGEST_HEAD, LARGEST_MESSAGE
+from coastwatch.operators.api.certificate import Certificate
 from coastwatch.operators.api.guard import LOOPBACK, Guard
 from coastwatch.operators.api.people import Tokens, add, trusted
 from coastwatch.operators.api.service import Service
@@ -82,22 +85,27 @@ def serve(arguments: argparse.Namespace) -> int:
     logs.begin(options.log_format)
     # The server ends in order, and so the run: it raises signals again when its sockets are closed.
     # A used port is refused before anything starts.
-    with handled_by(lambda *_: None), bound(options.host, options.port) as listener:
+    # SIGHUP has its files read again; the process that renews a certificate sends it.
+    hangup = threading.Event()
+    on_hangup = handled_by(lambda *_: hangup.set(), [signal.SIGHUP])
+    with on_hangup, handled_by(lambda *_: None), bound(options.host, options.port) as listener:
         if options.scenario is None:
             with (
                 presentation.opened(options.db) as opened,
                 presentation.opened(options.db, limit=QUERY) as asked,
                 following(opened, options.run, asked=asked) as service,
-                logs.Watch(service),
+                logs.Watch(service, hangup),
             ):
                 listen(service, guard, options, outputs, listener)
         else:
-            _serve_run(options, options.scenario, guard, outputs, listener)
+            _serve_run(options, options.scenario, guard, outputs, listener, hangup)
     return 0
 
 
-def _serve_run(options: Deployment, name: str, guard: Guard, outputs: Outputs, listener: socket.socket) -> None:
-    """Run a scenario, on live feeds or on its own input, and serve its pictures.
+def _serve_run(
+    options: Deployment, name: str, guard: Guard, outputs: Outputs, listener: socket.socket, hangup: threading.Event
+) -> None:
+    """Run a scenario, on live feeds or on its own input, and serve its pictures. Args: hangup: as of `logs.Watch`.
 
     Raises: InputError: another server writes into the database, or options do not fit together.
     """
@@ -151,7 +159,7 @@ def _serve_run(options: Deployment, name: str, guard: Guard, outputs: Outputs, l
             keep_s = 60.0 * scenario.store.journal_minutes
             journals = (Journal(address, service.publisher, keep_s) for address in outputs.journals)
             service.journals = [stack.enter_context(journal) for journal in journals]
-        with run, logs.Watch(service):
+        with run, logs.Watch(service, hangup):
             listen(service, guard, options, outputs, listener)
         if run.failed:
             raise RunFailedError(run.error())
@@ -209,22 +217,29 @@ def feed(options: argparse.Namespace) -> int:
     return 0
 
 
-def _guard(options: Deployment) -> Guard:
-    """Who is answered. Raises: InputError where others than this machine could ask without a token."""
+def _certificate(options: Deployment) -> Certificate | None:
+    """The certificate of https; None: http. Raises: InputError."""
     if bool(options.tls_cert) != bool(options.tls_key):
         raise InputError("--tls-cert, --tls-key: got one, needed both or none")
+    return Certificate(Path(options.tls_cert), Path(options.tls_key)) if options.tls_cert and options.tls_key else None
+
+
+def _guard(options: Deployment) -> Guard:
+    """Who is answered. Raises: InputError where others than this machine could ask without a token."""
+    certificate = _certificate(options)
     if options.tokens is not None or options.trusted_proxy:
         return Guard(
             tokens=Tokens(Path(options.tokens)) if options.tokens is not None else None,
             proxy=trusted(options.trusted_proxy) if options.trusted_proxy else None,
             secure=options.tls_cert is not None or bool(options.trusted_proxy),
+            certificate=certificate,
         )
     if options.host not in LOOPBACK:
         raise InputError(
             f"--host: got {options.host!r} without --tokens, needed a file of tokens, because others than this machine can ask: "
             "`coastwatch token add NAME --tokens FILE` makes one; or --trusted-proxy, where a proxy asks people who they are"
         )
-    return Guard()
+    return Guard(certificate=certificate)
 
 
 def add_token(options: argparse.Namespace) -> int:
@@ -245,9 +260,14 @@ def listen(service: Service, guard: Guard, options: Deployment, outputs: Outputs
         service.outs = [stack.enter_context(OutFeed(address)) for address in outputs.pictures]
         stack.callback(setattr, service, "outs", ())  # feeds that end are not lost
         logs.say(f"coastwatch: {url}", address=url)
-        server = server_of(
-            application(service, guard, hooks=outputs.hooks), ssl_certfile=options.tls_cert, ssl_keyfile=options.tls_key
-        )
+        tls: dict[str, Any] = {}
+        if (certificate := guard.certificate) is not None:
+            service.metrics.certificate(lambda: certificate.left_s)
+            tls = {"ssl_context_factory": lambda *_: certificate.context}
+        if (file := service.store.file) is not None:
+            service.metrics.disk(lambda: shutil.disk_usage(file.parent).free)
+        service.files = guard.files()
+        server = server_of(application(service, guard, hooks=outputs.hooks), **tls)
 
         def end() -> None:
             server.should_exit = True

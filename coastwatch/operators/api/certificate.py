@@ -1,0 +1,123 @@
+"""The TLS certificate of a server: read again when its files change; new connections have the new one. It says when it ends."""
+
+from __future__ import annotations
+
+import re
+import ssl
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+from coastwatch.errors import InputError
+from coastwatch.operators.api.people import stamp
+from coastwatch.server.troubles import Trouble
+
+SOON_S = 14 * 86_400.0
+"""So long before the end it is a trouble. Programs that renew do so a month before."""
+
+PEM = re.compile(r"-----BEGIN CERTIFICATE-----.+?-----END CERTIFICATE-----", re.DOTALL)
+VERSION, UTC_TIME = 0xA0, 0x17
+"""Tags of DER: the version of a certificate, which may be missing, and a time with two digits of the year."""
+
+
+class Certificate:
+    """A certificate chain and its key. While the files cannot be read, or do not fit together, those of before hold."""
+
+    def __init__(self, chain: Path, key: Path) -> None:
+        """Raises: InputError that names the files."""
+        self._chain, self._key = chain, key
+        self._wrong: tuple[float, str] | None = None  # since when, and what
+        try:
+            self._read_at = self._stamps()
+            self._now, self.ends_s = self._read(None)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"--tls-cert, --tls-key: got {chain} and {key}: {_reason(error)}, needed a certificate and its key"
+            ) from None
+        self.context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        self.context.load_cert_chain(chain, key)
+        # each connection that begins asks; a context that is in use is never changed
+        self.context.sni_callback = self._choose
+
+    @property
+    def left_s(self) -> float:
+        """Until the certificate ends; negative: it has."""
+        return self.ends_s - time.time()
+
+    def reread(self) -> None:
+        """Read the files again, whether they have changed or not."""
+        self._read_at = None
+        self._reload()
+
+    def troubles(self) -> list[Trouble]:
+        """What is wrong with the files now, and whether the certificate ends soon."""
+        self._reload()
+        wrong = [] if self._wrong is None else [Trouble("certificate", self._chain.name, *self._wrong, False)]
+        if (left_s := self.left_s) < SOON_S:
+            day = datetime.fromtimestamp(self.ends_s, UTC).date().isoformat()
+            text = f"the certificate ends on {day}" if left_s > 0.0 else f"the certificate ended on {day}"
+            wrong.append(Trouble("certificate", "", None, text, False))
+        return wrong
+
+    def _choose(self, connection: ssl.SSLObject | ssl.SSLSocket, name: str | None, context: ssl.SSLContext) -> None:
+        connection.context = self._now
+
+    def _reload(self) -> None:
+        try:
+            stamps = self._stamps()
+            if stamps == self._read_at:
+                return
+            self._now, self.ends_s = self._read("")
+        except (OSError, ValueError) as error:
+            stamps = None  # a key that is written after its certificate: the next look may find both
+            since_s = time.time() if self._wrong is None else self._wrong[0]
+            self._wrong = since_s, f"the certificate of before holds: {_reason(error)}"
+        else:
+            self._wrong = None
+        self._read_at = stamps
+
+    def _read(self, password: str | None) -> tuple[ssl.SSLContext, float]:
+        """A context with the files, and when the certificate ends. Args: password: of the key; None: OpenSSL asks on the terminal.
+
+        Raises: OSError, ValueError.
+        """
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.load_cert_chain(self._chain, self._key, password)
+        return context, ends_s(self._chain.read_text("ascii", "replace"))
+
+    def _stamps(self) -> tuple[object, object] | None:
+        return stamp(self._chain), stamp(self._key)
+
+
+def ends_s(chain: str) -> float:
+    """When the first certificate of a PEM text ends, Unix time. Raises: ValueError."""
+    found = PEM.search(chain)
+    if found is None:
+        raise ValueError("there is no certificate in it")
+    try:
+        certificate = _parts(_parts(ssl.PEM_cert_to_DER_cert(found[0]))[0][1])
+        fields = _parts(certificate[0][1])  # version, serial number, algorithm, issuer, validity
+        tag, text = _parts(fields[4 if fields[0][0] == VERSION else 3][1])[1]
+    except IndexError:
+        raise ValueError("its certificate is cut off") from None
+    form = "%y%m%d%H%M%SZ" if tag == UTC_TIME else "%Y%m%d%H%M%SZ"
+    return datetime.strptime(text.decode("ascii"), form).replace(tzinfo=UTC).timestamp()
+
+
+def _parts(der: bytes) -> list[tuple[int, bytes]]:
+    """Tag and content of each part of DER, one behind the other. Raises: IndexError."""
+    parts, at = [], 0
+    while at < len(der):
+        tag, size, at = der[at], der[at + 1], at + 2
+        if size & 0x80:  # of a long one: how many bytes its size has
+            count = size & 0x7F
+            size, at = int.from_bytes(der[at : at + count], "big"), at + count
+        parts.append((tag, der[at : at + size]))
+        at += size
+    return parts
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ssl.SSLError) and error.reason:
+        return error.reason.lower().replace("_", " ")
+    return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
