@@ -178,7 +178,7 @@ def test_the_units_of_server_and_copies_start_commands_that_there_are() -> None:
         text = (units / f"coastwatch-{name}.service").read_text("utf-8").replace("$COASTWATCH_SERVE", given)
         for line in re.findall(r"^ExecStart=\S+/coastwatch (.*)$", text, re.MULTILINE):
             found.append(parser().parse_args(shlex.split(line)))
-    assert [options.db for options in found] == ["/var/lib/coastwatch/watch.db"] * 3
+    assert [options.db for options in found] == ["/var/lib/coastwatch/watch.db"] * 2
     assert len(found[0].feed) == 2
 
 

@@ -63,6 +63,8 @@ TRIALS = (
         30,
     ),
     Trial("CoastwatchLogHeld", (("coastwatch_log_bytes" + JOB, "1000000000x60", "3000000000x60"),), 90, 40),
+    Trial("CoastwatchDiskFills", (("coastwatch_disk_free_bytes" + JOB, "3000000000x60", "1900000000x60"),), 330, 280),
+    Trial("CoastwatchCertificateEnds", (("coastwatch_tls_expires_seconds" + JOB, "1300000x60", "1200000x60"),), 330, 280),
     Trial(
         "CoastwatchTrouble",
         (('coastwatch_trouble{job="coastwatch",serious="true",what="feed"}', "0x60", "1x60"),),

@@ -71,6 +71,8 @@ def metrics() -> tuple[str, set[str]]:
         live.between(0.0, 1.0)
         found.ask(lambda: (True, counts, live.feeds(), [Trouble("store", "", None, "away", False)]))
         found.webhooks.labels("a hook", "failed")
+        found.certificate(lambda: 1.0)
+        found.disk(lambda: 1.0)
         text = found.text().decode()
     kinds = {"counter": ("_total",), "histogram": ("_bucket", "_count", "_sum"), "gauge": ("",)}
     typed = re.findall(r"^# TYPE (\w+) (\w+)$", text, re.MULTILINE)
@@ -159,6 +161,15 @@ def test_a_unit_is_valid_and_starts_what_is_installed(unit: Path, tmp_path: Path
         env={**os.environ, "SYSTEMD_UNIT_PATH": f"{tmp_path}:"},
     )
     assert [line for line in checked.stderr.splitlines() if "coastwatch" in line] == []
+
+
+def test_a_unit_deletes_nothing_that_settings_keep_and_a_hangup_leaves_no_watch_down() -> None:
+    serve = directives(OPS / "systemd" / "coastwatch-serve.service")
+    assert {("Restart", "always"), ("RestartPreventExitStatus", "2"), ("ExecReload", "/bin/kill -HUP $MAINPID")} <= set(serve)
+    assert [unit.name for unit in UNITS if "prune" in unit.read_text("utf-8")] == []
+    backup = OPS / "systemd" / "coastwatch-backup.service"
+    assert ("OnFailure", "coastwatch-failed@%n.service") in directives(backup)
+    assert (backup.parent / "coastwatch-failed@.service").is_file()
 
 
 def test_every_variable_of_units_and_script_is_in_the_environment_of_its_machine() -> None:
