@@ -19,9 +19,10 @@ from video_world import CELLS, PERIOD_S, SPOKES, START_S, arrivals, captured, me
 from coastwatch.batches import RadarVideo, Sensors
 from coastwatch.errors import InputError
 from coastwatch.scenario import load_scenario
-from coastwatch.sensors import VideoFiles, captures
+from coastwatch.sensors import VideoFiles
 from coastwatch.sensors.recorded.video import pictures
 from coastwatch.sensors.recorded.video.pictures import Pictures
+from coastwatch.sensors.recorded.wire import captures
 
 pytestmark = pytest.mark.contract
 

@@ -132,7 +132,7 @@ def test_times_of_stages_are_bounded_and_their_totals_are_of_all(monkeypatch: py
 
 def test_the_log_remembers_what_is_wrong_now_and_no_more() -> None:
     said: list[Trouble] = []
-    feed = {"name": "north", "connected": True, "error": ""}
+    feed = {"name": "north", "connected": True, "state": "connected", "error": ""}
     source = SimpleNamespace(error=lambda: None, counts=dict)
     watch = Watch(SimpleNamespace(source=source, feeds=lambda: [feed], troubles=lambda: said))  # type: ignore[arg-type]
     for k in range(2_000):
