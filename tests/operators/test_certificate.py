@@ -151,6 +151,6 @@ def test_wrong_files_are_refused_before_anything_starts(tmp_path: Path) -> None:
     for wrong in ((key, chain), (chain, tmp_path / "none.pem")):
         with pytest.raises(InputError, match=r"--tls-cert, --tls-key: got .*, needed a certificate and its key"):
             Certificate(*wrong)
-    for text in ("", "-----BEGIN CERTIFICATE-----\nMAA=\n-----END CERTIFICATE-----"):
-        with pytest.raises(ValueError, match="certificate"):
+    for text in (b"", b"-----BEGIN CERTIFICATE-----\nMAA=\n-----END CERTIFICATE-----"):
+        with pytest.raises(ValueError, match="PEM|pars"):
             ends_s(text)

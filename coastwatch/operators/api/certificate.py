@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import re
 import ssl
 import time
 from datetime import UTC, datetime
 from pathlib import Path
+
+from cryptography import x509
 
 from coastwatch.errors import InputError
 from coastwatch.operators.api.people import stamp
@@ -14,10 +15,6 @@ from coastwatch.server.troubles import Trouble
 
 SOON_S = 14 * 86_400.0
 """So long before the end it is a trouble. Programs that renew do so a month before."""
-
-PEM = re.compile(r"-----BEGIN CERTIFICATE-----.+?-----END CERTIFICATE-----", re.DOTALL)
-VERSION, UTC_TIME = 0xA0, 0x17
-"""Tags of DER: the version of a certificate, which may be missing, and a time with two digits of the year."""
 
 
 class Certificate:
@@ -83,38 +80,15 @@ class Certificate:
         """
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(self._chain, self._key, password)
-        return context, ends_s(self._chain.read_text("ascii", "replace"))
+        return context, ends_s(self._chain.read_bytes())
 
     def _stamps(self) -> tuple[object, object] | None:
         return stamp(self._chain), stamp(self._key)
 
 
-def ends_s(chain: str) -> float:
+def ends_s(chain: bytes) -> float:
     """When the first certificate of a PEM text ends, Unix time. Raises: ValueError."""
-    found = PEM.search(chain)
-    if found is None:
-        raise ValueError("there is no certificate in it")
-    try:
-        certificate = _parts(_parts(ssl.PEM_cert_to_DER_cert(found[0]))[0][1])
-        fields = _parts(certificate[0][1])  # version, serial number, algorithm, issuer, validity
-        tag, text = _parts(fields[4 if fields[0][0] == VERSION else 3][1])[1]
-    except IndexError:
-        raise ValueError("its certificate is cut off") from None
-    form = "%y%m%d%H%M%SZ" if tag == UTC_TIME else "%Y%m%d%H%M%SZ"
-    return datetime.strptime(text.decode("ascii"), form).replace(tzinfo=UTC).timestamp()
-
-
-def _parts(der: bytes) -> list[tuple[int, bytes]]:
-    """Tag and content of each part of DER, one behind the other. Raises: IndexError."""
-    parts, at = [], 0
-    while at < len(der):
-        tag, size, at = der[at], der[at + 1], at + 2
-        if size & 0x80:  # of a long one: how many bytes its size has
-            count = size & 0x7F
-            size, at = int.from_bytes(der[at : at + count], "big"), at + count
-        parts.append((tag, der[at : at + size]))
-        at += size
-    return parts
+    return x509.load_pem_x509_certificates(chain)[0].not_valid_after_utc.timestamp()
 
 
 def _reason(error: Exception) -> str:
