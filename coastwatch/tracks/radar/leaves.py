@@ -9,18 +9,17 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import Batch, Floats, Ints, Unproven
 from coastwatch.batches.struct import Struct, column, part
-from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.smoothing import Steps
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.kernels.tracks.hypothesis_trees import LeafColumns
 from coastwatch.kernels.tracks.tree_rows import TreeRows
-from coastwatch.tracks.radar.motion import Filters
+from coastwatch.tracks.radar.motion import HasFilters
 
 SPARE = 2  # times as many rows as are needed are made ready
 
 
 @dataclass(frozen=True, eq=False)
-class Leaves(Batch):
+class Leaves(HasFilters, Batch):
     """Each row is one way to give the plots of W looks to the track in a slot. The chosen one of a slot is its first."""
 
     slot: Ints = column(np.int64, "L")
@@ -45,16 +44,6 @@ class Leaves(Batch):
     def columns(self) -> LeafColumns:
         """As the kernels take them."""
         return LeafColumns(*(getattr(self, name) for name in self.__dataclass_fields__))
-
-    @property
-    def filters(self) -> Filters:
-        """The filter of each leaf."""
-        return Filters(self.state, self.covariance, self.mode_probability)
-
-    @property
-    def estimates(self) -> Estimates:
-        """The combined estimate of each leaf."""
-        return Estimates(self.updated_s, self.combined_mean, self.combined_covariance, self.noise_m2_s3)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from coastwatch import kernels
 from coastwatch.batches import Floats
 from coastwatch.kernels.arrays import Records
+from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.stage import NotNegative, Positive, Settings
 
 SUM_TOLERANCE = 1e-9  # of shares: decimal fractions are not exact
@@ -22,6 +23,31 @@ class Filters(NamedTuple):
     state: Floats  # (S, J, 5) m, m/s, rad/s or m/s2, in the region's plane
     covariance: Floats  # (S, J, 5, 5)
     mode_probability: Floats  # (S, J)
+
+
+class HasFilters:
+    """A struct with a filter in each row: it declares these columns, of S tracks and J models."""
+
+    updated_s: Floats  # (S,) time of the state
+    state: Floats  # these three as of `Filters`
+    covariance: Floats
+    mode_probability: Floats
+    combined_mean: Floats  # (S, 4) over the models
+    combined_covariance: Floats  # (S, 4, 4)
+    noise_m2_s3: Floats  # (S,) density of white acceleration
+
+    @property
+    def filters(self) -> Filters:
+        """The filter of each row."""
+        return Filters(self.state, self.covariance, self.mode_probability)
+
+    @property
+    def estimates(self) -> Estimates:
+        """The combined estimate of each row."""
+        return Estimates(self.updated_s, self.combined_mean, self.combined_covariance, self.noise_m2_s3)
+
+
+FILTER_COLUMNS = tuple(HasFilters.__annotations__)
 
 
 class Motion(Settings):

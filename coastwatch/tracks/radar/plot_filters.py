@@ -8,12 +8,11 @@ import numpy as np
 
 from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.batches.struct import Batch, column
-from coastwatch.kernels.filters.gaussian import Estimates
-from coastwatch.tracks.radar.motion import Filters
+from coastwatch.tracks.radar.motion import HasFilters
 
 
 @dataclass(frozen=True, eq=False)
-class PlotFilters(Batch):
+class PlotFilters(HasFilters, Batch):
     """A filter of plots alone for each slot of the table of tracks, J = 0 where none is kept. A slot without one has the time -inf."""
 
     updated_s: Floats = column(np.float64, "S", new=-np.inf)  # newest plot
@@ -33,16 +32,6 @@ class PlotFilters(Batch):
     def models(self) -> int:
         """J; 0: no filter is kept."""
         return int(self.mode_probability.shape[1])
-
-    @property
-    def filters(self) -> Filters:
-        """The filter of each slot."""
-        return Filters(self.state, self.covariance, self.mode_probability)
-
-    @property
-    def estimates(self) -> Estimates:
-        """The combined estimate of each slot."""
-        return Estimates(self.updated_s, self.combined_mean, self.combined_covariance, self.noise_m2_s3)
 
     def has_filter(self, slots: Ints) -> Bools:
         """Which of these slots have a filter. (N,)"""

@@ -15,7 +15,7 @@ from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.kalman import MANOEUVRE
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
-from coastwatch.tracks.radar.motion import Filters
+from coastwatch.tracks.radar.motion import FILTER_COLUMNS, Filters
 from coastwatch.tracks.radar.parts import FilterBank, Parts
 from coastwatch.tracks.radar.plot_filters import PlotFilters
 from coastwatch.tracks.radar.table import Table
@@ -25,16 +25,7 @@ LEAST_GAIN = 0.25  # of the variance of the filter of plots alone: a smaller dif
 
 def as_table(alone: PlotFilters, table: Table) -> Table:
     """The table of tracks with these filters in place of its own, as a bank takes it."""
-    return replace(
-        table,
-        updated_s=alone.updated_s,
-        state=alone.state,
-        covariance=alone.covariance,
-        mode_probability=alone.mode_probability,
-        combined_mean=alone.combined_mean,
-        combined_covariance=alone.combined_covariance,
-        noise_m2_s3=alone.noise_m2_s3,
-    )
+    return replace(table, **{name: getattr(alone, name) for name in FILTER_COLUMNS})
 
 
 def begin_at_tracks(alone: PlotFilters, table: Table, parts: Parts, slots: Ints) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 
 from coastwatch.batches import Batch, Bools, Floats, Ints, Radars, Unproven
 from coastwatch.batches.struct import Struct, column, part
-from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks import columns
 from coastwatch.kernels.tracks.columns import NAMES, ExistenceColumns, PlotColumns, TrackLife, VesselIds
 from coastwatch.tracks.radar.clutter import (
@@ -23,7 +22,7 @@ from coastwatch.tracks.radar.clutter import (
     learn,
 )
 from coastwatch.tracks.radar.leaves import Decided, Forest
-from coastwatch.tracks.radar.motion import Filters
+from coastwatch.tracks.radar.motion import HasFilters
 from coastwatch.tracks.radar.plot_filters import PlotFilters
 from coastwatch.tracks.radar.rates import LearntRates
 from coastwatch.tracks.radar.returns import Returns
@@ -41,7 +40,7 @@ class Status(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Table(Struct):
+class Table(HasFilters, Struct):
     """Tracks of one region. A track keeps its slot, a row of the columns with the letter S, for as long as it lives.
 
     Trackers write into the columns. A slot without a track holds anything.
@@ -79,16 +78,6 @@ class Table(Struct):
 
     def __len__(self) -> int:
         return len(self.live)
-
-    @property
-    def filters(self) -> Filters:
-        """The filter of each slot."""
-        return Filters(self.state, self.covariance, self.mode_probability)
-
-    @property
-    def estimates(self) -> Estimates:
-        """The combined estimate of each slot."""
-        return Estimates(self.updated_s, self.combined_mean, self.combined_covariance, self.noise_m2_s3)
 
     @property
     def life(self) -> TrackLife:
