@@ -152,5 +152,5 @@ def test_wrong_files_are_refused_before_anything_starts(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=r"--tls-cert, --tls-key: got .*, needed a certificate and its key"):
             Certificate(*wrong)
     for text in (b"", b"-----BEGIN CERTIFICATE-----\nMAA=\n-----END CERTIFICATE-----"):
-        with pytest.raises(ValueError, match="PEM|pars"):
+        with pytest.raises(ValueError, match=r"PEM|pars"):
             ends_s(text)
