@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from coastwatch.associations.bearing_sensors import AudiblePairs, SensorBias
-from coastwatch.batches import BearingTracks, Floats, Ints, Picture, Sensors
+from coastwatch.batches import BearingTracks, Floats, Ints, Picture, Sensors, Struct, column
 from coastwatch.geodesy import to_plane, wrap_rad
 
 CELLS = 1440  # of a turn
@@ -33,16 +33,11 @@ FEWEST, MATCHED = 5, 0.5  # tracks of a sensor that are on vessels, and their sh
 
 
 @dataclass(frozen=True, eq=False)
-class BiasSearch:
+class BiasSearch(Struct):
     """What the looks so far say of each bias of each of K sensors."""
 
-    log_likelihood: Floats  # (K, 2 FARTHEST + 1) of biases from -FARTHEST to FARTHEST cells
+    log_likelihood: Floats = column(np.float64, "K", 2 * FARTHEST + 1)  # of biases from -FARTHEST to FARTHEST cells
     looked_s: float = -np.inf
-
-    @staticmethod
-    def initial(sensors: int) -> BiasSearch:
-        """Before any look."""
-        return BiasSearch(np.zeros((sensors, 2 * FARTHEST + 1)))
 
     def updated(
         self,

@@ -166,23 +166,24 @@ class BearingLikelihood(Method):
     def init(self) -> LikelihoodMemory:
         return LikelihoodMemory(
             PositionHistory.empty(),
-            SensorBias.initial(0, 0.0),
-            OutsideDetections.initial(0),
+            SensorBias.empty(),
+            OutsideDetections.empty(),
             ShipTypes.empty(),
-            BiasSearch.initial(0),
+            BiasSearch.empty(),
         )
 
     def step(self, memory: LikelihoodMemory, given: BearingAssociationInput) -> tuple[LikelihoodMemory, BearingAssociations]:
         """Which bearing track is which vessel at this cycle, sorted by bearing_row."""
         bearing_tracks, picture, octants, sensors = given.bearing_tracks, given.picture, given.octants, given.sensors
-        if not len(sensors.sonars):
+        sonars = len(sensors.sonars)
+        if not sonars:
             return memory, BearingAssociations.empty()
-        if len(memory.bias.mean_rad) != len(sensors.sonars):
+        if len(memory.bias.mean_rad) != sonars:
             memory = replace(
                 memory,
-                bias=SensorBias.initial(len(sensors.sonars), float(np.radians(self.bias_sigma_deg))),
-                outside=OutsideDetections.initial(len(sensors.sonars)),
-                search=BiasSearch.initial(len(sensors.sonars)),
+                bias=SensorBias(np.zeros(sonars), np.full(sonars, np.radians(self.bias_sigma_deg))),
+                outside=OutsideDetections.empty(K=sonars),
+                search=BiasSearch.empty(K=sonars),
             )
         audible = AudiblePairs.of(bearing_tracks, picture, octants, sensors)
         positions = self._positions(memory.positions, picture, audible, given.time_s, sensors)

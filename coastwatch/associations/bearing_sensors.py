@@ -8,7 +8,7 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import CLASS_OF_TYPE, CLASSES, AisStatics, BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
-from coastwatch.batches.struct import Batch, column
+from coastwatch.batches.struct import Batch, Struct, column
 from coastwatch.geodesy import to_plane, wrap_rad
 from coastwatch.kernels.bearings.signatures import log_likelihood
 from coastwatch.kernels.tables.lookup import find
@@ -67,16 +67,11 @@ def groups_by_octant(octants: Octants) -> Groups:
 
 
 @dataclass(frozen=True, eq=False)
-class SensorBias:
+class SensorBias(Struct):
     """The bearing bias of each of K sensors."""
 
-    mean_rad: Floats  # (K,)
-    sigma_rad: Floats  # (K,)
-
-    @staticmethod
-    def initial(sensors: int, sigma_rad: float) -> SensorBias:
-        """Before any pair."""
-        return SensorBias(np.zeros(sensors), np.full(sensors, sigma_rad))
+    mean_rad: Floats = column(np.float64, "K")
+    sigma_rad: Floats = column(np.float64, "K")
 
     def updated(
         self, sensor: Ints, difference_rad: Floats, gain: float, least_pairs: int, limits_rad: tuple[float, float]
@@ -102,16 +97,11 @@ class SensorBias:
 
 
 @dataclass(frozen=True, eq=False)
-class OutsideDetections:
+class OutsideDetections(Struct):
     """Whether each of K sensors detects vessels just outside its nominal coverage: exponentially forgotten counts."""
 
-    detected: Floats  # (K,)
-    expected: Floats  # (K,) how many would be, if they were detected like those inside
-
-    @staticmethod
-    def initial(sensors: int) -> OutsideDetections:
-        """Before any pair."""
-        return OutsideDetections(np.zeros(sensors), np.zeros(sensors))
+    detected: Floats = column(np.float64, "K")
+    expected: Floats = column(np.float64, "K")  # how many would be, if they were detected like those inside
 
     def probability(self, inside: float) -> Floats:
         """That a vessel just outside the coverage is detected, at first 1/2. Args: inside: the greatest. Returns: (K,)."""

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Floats, FusedTracks, Ints, Tracks
+from coastwatch.batches import Floats, FusedTracks, Ints, Struct, Tracks, column
 from coastwatch.fused_tracks.imm_of_tracks import ImmOfTracks, TrackFilters
 from coastwatch.fused_tracks.inputs import FusionInput, FusionMethod
 from coastwatch.geodesy import difference_m
@@ -17,17 +17,13 @@ from coastwatch.stage import Positive, PositiveShare
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class Window(Struct):
     """States of N tracks at the last p cycles, newest last."""
 
-    time_s: Floats  # (p,) of the cycles; NaN before the first
-    track_id: Ints  # (N,) sorted
-    position_deg: Floats  # (N, p, 2) NaN before the first
-    velocity_m_s: Floats  # (N, p, 2)
-
-    @staticmethod
-    def empty(p: int) -> Window:
-        return Window(np.full(p, np.nan), np.zeros(0, np.int64), np.zeros((0, p, 2)), np.zeros((0, p, 2)))
+    time_s: Floats = column(np.float64, "p", new=np.nan)  # of the cycles; NaN before the first
+    track_id: Ints = column(np.int64, "N")  # sorted
+    position_deg: Floats = column(np.float64, "N", "p", 2)  # NaN before the first
+    velocity_m_s: Floats = column(np.float64, "N", "p", 2)
 
     def extended(self, tracks: Tracks, time_s: float) -> Window:
         """The window one cycle later; tracks that are gone are forgotten. Args: tracks: (N) at `time_s`."""
@@ -94,7 +90,7 @@ class ImmOfTracksLiteral(FusionMethod):
     unknown_velocity_sigma_m_s: Positive = 0.5  # of a source that gives no covariance, before p cycles
 
     def init(self) -> LiteralFilters:
-        return LiteralFilters(Window.empty(self.window), self._filter().init())
+        return LiteralFilters(Window.empty(p=self.window), self._filter().init())
 
     def step(self, memory: LiteralFilters, given: FusionInput) -> tuple[LiteralFilters, FusedTracks]:
         """One estimate a vessel: memory, and one row for each vessel number."""

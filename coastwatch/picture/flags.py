@@ -27,6 +27,7 @@ from coastwatch import kernels
 from coastwatch.batches import AisAlarms, AisDetection, Bools, Flag, Floats, Ints, NavStatus, Picture, Tracks
 from coastwatch.batches.ais_codes import AIS_SART, EPIRB, MAN_OVERBOARD, is_vessel
 from coastwatch.batches.hearing import SensorCover, sensor_covers
+from coastwatch.batches.struct import Struct, column, part
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred
 from coastwatch.picture.former_names import AisNow, AisPast, had_ais
 from coastwatch.picture.inputs import PictureInput
@@ -43,31 +44,27 @@ AIS_RETURNS_S = 180.0
 
 
 @dataclass(frozen=True, eq=False)
-class TrackPairs:
+class TrackPairs(Struct):
     """AIS tracks with the first radar track of their vessel, now or until lately. Tracks are rows of a cycle; no AIS track twice."""
 
-    ais: Ints  # (P,)
-    radar: Ints  # (P,)
-    paired_since_s: Floats  # (P,)
-    split_since_s: Floats  # (P,) inf while they are one vessel
+    ais: Ints = column(np.int64, "P")
+    radar: Ints = column(np.int64, "P")
+    paired_since_s: Floats = column(np.float64, "P")
+    split_since_s: Floats = column(np.float64, "P")  # inf while they are one vessel
 
 
 @dataclass(frozen=True, eq=False)
-class FlagMemory:
+class FlagMemory(Struct):
     """What the flags need of the last cycle."""
 
-    no_ais_since_s: Floats  # (R + H,) of rows of the picture, then of hidden vessels: since then without AIS; inf: none counted
-    no_radar_since_s: Floats  # (R,) AIS without radar where a radar should see it; inf if not so
-    pairs: TrackPairs
-    anchor_deg: Floats  # (R, 2) where each row was when it last moved
-    anchor_since_s: Floats  # (R,)
-    ais_heard_s: Floats  # (R,) newest AIS report of each row; -inf: none since it is shown
+    # Of rows of the picture, then of hidden vessels: since then without AIS; inf: none counted
+    no_ais_since_s: Floats = column(np.float64, "V")
+    no_radar_since_s: Floats = column(np.float64, "R")  # AIS without radar where a radar should see it; inf if not so
+    anchor_deg: Floats = column(np.float64, "R", 2)  # where each row was when it last moved
+    anchor_since_s: Floats = column(np.float64, "R")
+    ais_heard_s: Floats = column(np.float64, "R")  # newest AIS report of each row; -inf: none since it is shown
+    pairs: TrackPairs = part(TrackPairs)
     began_s: float = np.inf  # time of the first cycle
-
-    @classmethod
-    def none(cls) -> FlagMemory:
-        row, none = np.zeros(0, np.int64), np.zeros(0)
-        return cls(none, none, TrackPairs(row, row, none, none), np.zeros((0, 2)), none, none)
 
 
 def flag(
@@ -137,7 +134,7 @@ def flag(
         odd = kernels.tables.match_ids.index_of(tracks.track_id, alarms.track_id[alarm])
         flags[row_of_track[odd[odd >= 0]]] |= int(what)
     no_ais_since_s = np.append(no_ais_since_s, _held_s(memory.no_ais_since_s, order.hidden))
-    return FlagMemory(no_ais_since_s, no_radar_since_s, pairs, anchor_deg, anchor_since_s, ever_heard_s, began_s), flags
+    return FlagMemory(no_ais_since_s, no_radar_since_s, anchor_deg, anchor_since_s, ever_heard_s, pairs, began_s), flags
 
 
 def _first_plot_s(tracks: Tracks, radars: Ints, row_of_track: Ints, rows: int, time_s: float) -> Floats:

@@ -54,7 +54,7 @@ class Identity(IdentitySettings):
     """
 
     def init(self) -> PictureMemory:
-        vessels, tracks, flags, past = KnownVessels.none(), KnownTracks.empty(), FlagMemory.none(), AisPast.empty()
+        vessels, tracks, flags, past = KnownVessels.empty(), KnownTracks.empty(), FlagMemory.empty(), AisPast.empty()
         return PictureMemory(vessels, tracks, 1, flags, past, Confirmations.empty(), np.zeros(0, np.bool_))
 
     def step(self, memory: PictureMemory, given: PictureInput) -> tuple[PictureMemory, PictureOutput]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import Array, Flag, Floats, FusedTracks, HeldVessels, Ints, Picture, Rows, Tracks
+from coastwatch.batches.struct import Struct, column, part
 from coastwatch.kernels.threads import in_blocks
 
 Groups = tuple[Rows, Rows]
@@ -26,16 +27,13 @@ class KnownColumns(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class KnownVessels:
+class KnownVessels(Struct):
     """Vessels of the last cycle that may go on under their ids. Known vessel k is row k of shown, hidden and merged together."""
 
-    shown: Picture  # the picture of the last cycle, sorted by id
-    hidden: Picture  # without tracks and no longer shown; they may return by MMSI or position
-    merged_id: Ints  # (G,) ids whose tracks went into other vessels; they return if a track that was first in them splits off
-
-    @classmethod
-    def none(cls) -> KnownVessels:
-        return cls(Picture.empty(), Picture.empty(), np.zeros(0, np.int64))
+    shown: Picture = part(Picture)  # the picture of the last cycle, sorted by id
+    hidden: Picture = part(Picture)  # without tracks and no longer shown; they may return by MMSI or position
+    # Ids whose tracks went into other vessels; they return if a track that was first in them splits off
+    merged_id: Ints = column(np.int64, "G")
 
     def columns(self) -> KnownColumns:
         """Columns over all known vessels."""

@@ -88,7 +88,7 @@ class OnlineMemory:
         return cls(
             time_s=-np.inf,
             references=References.empty(),
-            reference_cells=tuple(ReferenceCells.none() for _ in range(radars)),
+            reference_cells=tuple(ReferenceCells.empty() for _ in range(radars)),
             acquisition=Acquisition.empty(R=radars),
             shares=EchoShares.empty(),
             information=Information.empty(),

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coastwatch.batches import Batch, Bools, Floats, Ints, Rows, Struct, column
+from coastwatch.batches.struct import part
 from coastwatch.kernels.tables.lookup import find, row_of
 from coastwatch.registration.polar import Pairs
 
@@ -86,18 +87,13 @@ class Counts(Batch):
 class ReferenceCells(Struct):
     """The reference cells of one radar. `counts` has the hits up to the last decision; later ones are counted at the next."""
 
-    hits: Hits
-    counts: Counts
+    hits: Hits = part(Hits)
+    counts: Counts = part(Counts)
     track_id: Ints = column(np.int64, "N")
     cell: Ints = column(np.int64, "N")
     group: Ints = column(np.int64, "N")  # track id of a vessel under way; negative: the square of vessels at rest
     looks: Floats = column(np.float64, "N")  # turns of the antenna while it was in cover, up to the last decision
     new_looks: Floats = column(np.float64, "N")  # since then
-
-    @classmethod
-    def none(cls) -> ReferenceCells:
-        zero = np.zeros(0, np.int64)
-        return cls(Hits.empty(), Counts.empty(), zero, zero, zero, np.zeros(0), np.zeros(0))
 
     def histograms(self, reference_cells: Ints, grid: Grid) -> NDArray[np.float32]:
         """Turns with a plot in each bin, of some reference cells. (N, D, A) Args: reference_cells: (N,) increasing."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches import AisReports, Bools, Flag, Ints, Picture, Sensors, Trajectories, Truth
+from coastwatch.batches import AisReports, Bools, Flag, Ints, Picture, Sensors, Struct, Trajectories, Truth, column
 from coastwatch.geodesy import within_any
 from coastwatch.kernels.tables.lookup import row_of
 
@@ -16,23 +16,17 @@ LOOKS = 5  # instants at which this is checked
 
 
 @dataclass(frozen=True, eq=False)
-class Dark:
+class Dark(Struct):
     """Flags that were due and flags that were set, over instants and over vessels."""
 
-    due: Bools  # (V,) of all true vessels: the flag was due at some instant
-    flagged: Bools  # (V,) and was set at some instant at which it was due
-    false_ids: Ints  # ids of vessels of the picture that were flagged and not silent
+    due: Bools = column(np.bool_, "V")  # of all true vessels: the flag was due at some instant
+    flagged: Bools = column(np.bool_, "V")  # and was set at some instant at which it was due
+    false_ids: Ints = column(np.int64, "F")  # ids of vessels of the picture that were flagged and not silent
     due_count: int = 0  # instants at which a flag was due
     seen_count: int = 0  # of these, with the vessel in the picture
     flagged_count: int = 0  # of these, with the flag
     clear_count: int = 0  # instants of vessels of the picture that were not silent
     false_count: int = 0  # of these, with the flag
-
-    @staticmethod
-    def over(vessels: int) -> Dark:
-        """Before the first instant."""
-        none = np.zeros(vessels, np.bool_)
-        return Dark(none, none, np.zeros(0, np.int64))
 
     def as_dict(self) -> dict[str, float | int | None]:
         """Rates and counts; None where there is nothing to count."""

@@ -6,30 +6,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches import Ints
+from coastwatch.batches import Ints, Struct, column
 from coastwatch.kernels.tables.lookup import find
 
-NONE = np.zeros(0, np.int64)
 SHIFT = np.int64(1) << 32  # origin and identity in one number; both stay below 2**31
 
 
 @dataclass(frozen=True, eq=False)
-class Identities:
+class Identities(Struct):
     """Sums so far. Their size depends on the number of vessels and ids, not of cycles."""
 
-    pair: Ints  # (P,) sorted: identity and true vessel seen together, -1 none
-    rows: Ints  # (P,) how often
-    last: Ints  # (L,) sorted: true vessel and identity when the vessel was last seen
-    run: Ints  # (L,) for how many times in a row by then
-    vessel: Ints  # (V,) sorted: true vessels seen at all
-    times: Ints  # (V,) how often
-    longest: Ints  # (V,) longest run under one identity
+    pair: Ints = column(np.int64, "P")  # sorted: identity and true vessel seen together, -1 none
+    rows: Ints = column(np.int64, "P")  # how often
+    last: Ints = column(np.int64, "L")  # sorted: true vessel and identity when the vessel was last seen
+    run: Ints = column(np.int64, "L")  # for how many times in a row by then
+    vessel: Ints = column(np.int64, "V")  # sorted: true vessels seen at all
+    times: Ints = column(np.int64, "V")  # how often
+    longest: Ints = column(np.int64, "V")  # longest run under one identity
     switches: int = 0
-
-    @staticmethod
-    def empty() -> Identities:
-        """Before the first cycle."""
-        return Identities(NONE, NONE, NONE, NONE, NONE, NONE, NONE)
 
     def seen(self, identity: Ints, origin: Ints) -> Identities:
         """The sums after one more cycle. A vessel may have several ids at once; a cycle in which it is not seen does not end its run.

@@ -177,7 +177,7 @@ def _watched(
     silent = tally.may_be_silent
     if silent is None:
         silent = np.union1d(without_reports(truth.vessel, ais), np.array(silenced, np.int64))
-    dark = watch(tally.dark or Dark.over(len(truth.vessel)), silent, truth, cycle.time_s, ais, cycle.picture, sensors)
+    dark = watch(tally.dark or Dark.empty(V=len(truth.vessel)), silent, truth, cycle.time_s, ais, cycle.picture, sensors)
     identities = (tally.identities or Identities.empty()).seen(cycle.picture.vessel_id, cycle.picture.origin)
     return replace(tally, may_be_silent=silent, dark=dark, identities=identities)
 

@@ -162,7 +162,7 @@ def test_tracks_that_are_known_alike_intersect_half_way():
 
 @pytest.mark.parametrize("about_line", [False, True])
 def test_the_window_has_the_sample_covariance_of_the_last_states(about_line):
-    window, shown = Window.empty(7), []
+    window, shown = Window.empty(p=7), []
     for cycle in range(10):
         t = tracks(VESSEL, SOURCE, seed=cycle, time_s=3.0 * cycle)
         window = window.extended(t, 3.0 * cycle)
@@ -178,7 +178,7 @@ def test_the_window_has_the_sample_covariance_of_the_last_states(about_line):
 
 
 def test_the_window_of_a_track_that_was_away_begins_again():
-    window = Window.empty(6)
+    window = Window.empty(p=6)
     for cycle in range(6):
         t = tracks(VESSEL, SOURCE, seed=cycle)
         window = window.extended(t.take(np.arange(6)) if cycle == 2 else t, 3.0 * cycle)

@@ -165,7 +165,7 @@ def test_no_cycle_scores_nothing():
 
 
 def flagged(shown, time_s, silent, made=MADE, where=WITH_STATION):
-    before = Dark.over(len(made.truth.vessel))
+    before = Dark.empty(V=len(made.truth.vessel))
     return watch(before, silent, made.truth, time_s, made.reports.ais, shown, where)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches import AisFeeds, Floats, Ints
+from coastwatch.batches import AisFeeds, Floats, Ints, Struct, column
 
 KEPT = 512  # newest delays of a feed
 LEAST = 20  # delays from which on the jitter is estimated
@@ -17,27 +17,20 @@ NORMAL_QUANTILE = 1.2816  # of the absolute value of a standard normal variable
 
 
 @dataclass(frozen=True, eq=False)
-class FeedClocks:
+class FeedClocks(Struct):
     """The newest delays of each feed: how late a stamp is against the way sailed since the report before."""
 
-    delay_s: Floats  # (F, KEPT) NaN: none yet
-    variance_s2: Floats  # (F, KEPT) of each, if stamps were exact
-    count: Ints  # (F,) delays so far
-
-    @classmethod
-    def none(cls) -> FeedClocks:
-        """Before the first report."""
-        return cls(np.zeros((0, KEPT)), np.zeros((0, KEPT)), np.zeros(0, np.int64))
+    delay_s: Floats = column(np.float64, "F", KEPT, new=np.nan)  # NaN: none yet
+    variance_s2: Floats = column(np.float64, "F", KEPT, new=np.nan)  # of each, if stamps were exact
+    count: Ints = column(np.int64, "F")  # delays so far
 
     def updated(self, feed: Ints, delay_s: Floats, variance_s2: Floats) -> FeedClocks:
         """With the delays of these reports. Args: (M,) NaN: not measured."""
         known = np.flatnonzero(np.isfinite(delay_s))
         if not len(known):
             return self
-        feeds = max(int(feed[known].max()) + 1, len(self.count))
-        more = feeds - len(self.count)
-        delays, variances = (np.concatenate([a, np.full((more, KEPT), np.nan)]) for a in (self.delay_s, self.variance_s2))
-        count = np.append(self.count, np.zeros(more, np.int64))
+        longer = self.with_room("F", int(feed[known].max()) + 1)
+        delays, variances, count = longer.delay_s.copy(), longer.variance_s2.copy(), longer.count.copy()
         for k in np.unique(feed[known]).tolist():
             rows = known[feed[known] == k]
             for kept, new in ((delays, delay_s), (variances, variance_s2)):

@@ -97,7 +97,7 @@ def initial_memory() -> Memory:
     """The memory before the first cycle."""
 
     nothing = Snapshot(-np.inf, np.zeros(0, kernels.filters.ais_records.TRACK))
-    return Memory(nothing, nothing, nothing, (), (), np.zeros(0, kernels.filters.ais_records.REPORT), 0, {}, FeedClocks.none())
+    return Memory(nothing, nothing, nothing, (), (), np.zeros(0, kernels.filters.ais_records.REPORT), 0, {}, FeedClocks.empty())
 
 
 def in_order(reports: Rows) -> Ints:

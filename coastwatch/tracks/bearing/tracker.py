@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Literal
 
@@ -28,7 +27,7 @@ from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
 from coastwatch.tracks.bearing.line import Slots, line, relative_weight, scatter
 from coastwatch.tracks.bearing.looks import few, looks_of, near_in_bearing, rounds
-from coastwatch.tracks.bearing.memory import ROWS, BearingMemory
+from coastwatch.tracks.bearing.memory import ROWS, BearingMemory, Measured
 from coastwatch.tracks.bearing.vessels import Predicted, chosen_pairs, in_crowd, predicted_bearings
 from coastwatch.tracks.inputs import BearingInput
 
@@ -43,23 +42,7 @@ NOISE_GAIN = 0.05  # share of the scatter of a cycle that is taken over
 NOISE_DOUBTED = 2.0  # variance over the stated one from which the stated one is not believed
 MOST_NOISE = 400.0
 SAME_SLOT = 0.75  # of the spacing: a clock that jitters by a quarter still fills one slot a report
-
-
-MEASURED = ("measured_weight", "measured_s", "measured_rad", "measured_site_deg")  # means over the bearings of this cycle
-CYCLE = (*MEASURED, "certainty")
 OWN, OF_VESSEL = -1, -2  # contact of our own tracks; that of a track of vessel v is OF_VESSEL - v
-EMPTY = {
-    "time_s": np.nan,
-    "bearing_rad": np.nan,
-    "weight": 0.0,
-    "precision": np.nan,
-    "site_deg": np.nan,
-    "begin_s": np.nan,
-    "certainty": np.nan,
-    "looked_s": -np.inf,
-    "doubt_s": np.nan,
-    "doubt_rad": np.nan,
-}
 
 
 class Windows:
@@ -68,13 +51,9 @@ class Windows:
     def __init__(self, memory: BearingMemory, settings: BearingWindow, first_id: Ints, stated: Sonars) -> None:
         """Args: first_id: (K,) the first track id of each sensor; stated: the sensors as the scenario has them."""
         self.column: dict[str, Array] = {name: getattr(memory, name).copy() for name in ROWS}
-        n = len(memory.track_id)
-        self.column |= {name: np.zeros((n, 2) if name == "measured_site_deg" else n) for name in MEASURED}
-        self.column["certainty"] = np.full(n, np.nan)
-        is_known = len(memory.counter) == len(first_id)
-        self.counter = memory.counter.copy() if is_known else np.zeros(len(first_id), np.int64)
-        self.noise = memory.noise.copy() if is_known else np.ones(len(first_id))
-        self.turn_s = memory.turn_s.copy() if is_known else np.zeros(len(first_id))
+        self.column |= vars(Measured.empty(N=len(memory.track_id)))
+        known = memory if len(memory.counter) == len(first_id) else BearingMemory.empty(K=len(first_id))
+        self.counter, self.noise, self.turn_s = known.counter.copy(), known.noise.copy(), known.turn_s.copy()
         self.settings, self.spacing_s, self.first_id = settings, settings.window_s / settings.length, first_id
         self.sigma_rad = stated.bearing_sigma_rad
         self.noise_rad = self.sigma_rad * np.sqrt(np.where(self.noise < NOISE_DOUBTED, 1.0, self.noise))
@@ -195,14 +174,13 @@ class Windows:
             "track_id": self.first_id[reports.sensor] + self.counter[reports.sensor] + number,
             "sensor": reports.sensor,
             "contact": reports.contact,
-            "updated_s": np.full(n, -np.inf),
             "started_s": reports.time_s,
         }
         self.counter += np.bincount(reports.sensor, minlength=len(self.counter))
         before = len(self.column["track_id"])
+        new = vars(BearingMemory.empty(N=n, W=self.settings.length)) | vars(Measured.empty(N=n)) | columns
         for name, old in self.column.items():
-            empty = np.full((n, *old.shape[1:]), EMPTY.get(name, 0), old.dtype)
-            self.column[name] = np.concatenate([old, columns.get(name, empty)])
+            self.column[name] = np.concatenate([old, new[name]])
         self.update(before + np.arange(n), reports)
 
     def count_look(self, rows: Ints, time_s: Floats, hit: Ints) -> None:
@@ -255,10 +233,10 @@ class Windows:
             left_out=left_out,
         )
 
-    def measured(self) -> dict[str, Array]:
+    def measured(self) -> Measured:
         """Mean of the bearings of this cycle, its weight, 0 where there was none, and its certainty; sorted by track_id."""
         order = np.argsort(self.column["track_id"], kind="stable")
-        return {name: self.column[name][order] for name in CYCLE}
+        return Measured(**{name: self.column[name][order] for name in Measured.__dataclass_fields__})
 
 
 def _between_deg(first: Floats, second: Floats, share: Floats) -> Floats:
@@ -310,7 +288,7 @@ class BearingWindow(Method):
     detection_probability: Probability = 0.95  # that a sensor hears a vessel of the picture in its coverage, in a look
 
     def init(self) -> BearingMemory:
-        return BearingMemory.empty(self.length)
+        return BearingMemory.empty(W=self.length)
 
     def step(self, memory: BearingMemory, given: BearingInput) -> tuple[BearingMemory, BearingTracks]:
         """Tracks after the reports of this cycle, predicted to its time. A report that is not finite or from the future is dropped.
@@ -438,7 +416,7 @@ class BearingWindow(Method):
         )
         return seen[pair[chosen]], report[chosen]
 
-    def _tracks(self, memory: BearingMemory, measured: Mapping[str, Array], time_s: float, sensors: Sensors) -> BearingTracks:
+    def _tracks(self, memory: BearingMemory, measured: Measured, time_s: float, sensors: Sensors) -> BearingTracks:
         out = np.flatnonzero((memory.contact >= 0) | (memory.hits >= self.start_hits))
         slots = Slots.newest(vars(memory), out, self.rate_length)
         now_s, rate_sigma_rad_s = np.full(len(out), time_s), np.radians(self.rate_sigma_deg_s)
@@ -446,9 +424,9 @@ class BearingWindow(Method):
         window_s = memory.time_s[out]
         old = ~(window_s >= time_s - self.window_s)
         site, sigma = memory.site_deg[out], sensors.sonars.bearing_sigma_rad[memory.sensor[out]]
-        weight, measured_s, measured_rad, measured_site_deg, certainty = (measured[name][out] for name in CYCLE)
-        none = weight == 0.0
-        variance = sigma**2 / np.where(none, 1.0, weight)
+        measured = measured.take(out)
+        none = measured.measured_weight == 0.0
+        variance = sigma**2 / np.where(none, 1.0, measured.measured_weight)
         return BearingTracks(
             track_id=memory.track_id[out],
             source=sensors.sonar_source(0) + memory.sensor[out],
@@ -465,9 +443,9 @@ class BearingWindow(Method):
             window_variance=np.where(old, np.nan, sigma[:, None] ** 2 / memory.precision[out]),
             signatures=memory.signatures[out],
             origin=memory.origin[out],
-            measured_s=np.where(none, np.nan, measured_s),
-            measured_rad=np.where(none, np.nan, measured_rad),
+            measured_s=np.where(none, np.nan, measured.measured_s),
+            measured_rad=np.where(none, np.nan, measured.measured_rad),
             measured_variance=np.where(none, np.nan, variance),
-            measured_site_deg=np.where(none[:, None], np.nan, measured_site_deg),
-            certainty=certainty,
+            measured_site_deg=np.where(none[:, None], np.nan, measured.measured_site_deg),
+            certainty=measured.certainty,
         )
