@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, NamedTuple, Self
 
@@ -105,9 +106,10 @@ class Struct:
 
 
 class _Layout(NamedTuple):
-    """The fields of a struct: their names, those a batch may leave out, name, dtype and shape of each array, and the other structs."""
+    """The fields of a struct: the names of its arrays and of plain values, the arrays a batch may leave out, what each array is."""
 
     names: tuple[str, ...]
+    plain: tuple[str, ...]
     optional: tuple[str, ...]
     columns: tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...]
     new: dict[str, float]  # the value of each array in a new row
@@ -125,13 +127,14 @@ def _layout(struct: type[Struct]) -> _Layout:
         optional = tuple(f.name for f in every if f.metadata.get("optional"))
         new = {f.name: f.metadata.get("new", 0) for f in every}
         parts = tuple((f.name, f.metadata["part"]) for f in every if "part" in f.metadata)
-        _LAYOUTS[struct] = _Layout(tuple(f.name for f in every), optional, columns, new, parts)
+        names, plain = ([f.name for f in every if ("shape" in f.metadata) is is_array] for is_array in (True, False))
+        _LAYOUTS[struct] = _Layout(tuple(names), tuple(plain), optional, columns, new, parts)
     return _LAYOUTS[struct]
 
 
 @dataclass(frozen=True, eq=False)
 class Batch(Struct):
-    """A Struct whose every column has the same first axis: rows can be counted, taken and joined."""
+    """A Struct whose every array has the same first axis: rows can be counted, taken and joined. Plain values are of all rows."""
 
     def __post_init__(self) -> None:
         layout = _layout(type(self))
@@ -144,14 +147,14 @@ class Batch(Struct):
     def __len__(self) -> int:
         return len(getattr(self, _layout(type(self)).names[0]))
 
-    def take(self, rows: Array) -> Self:
+    def take(self, rows: Array | slice) -> Self:
         """The rows at these indices, under this mask or in this slice, in that order; a slice copies nothing.
 
         Raises: IndexError where an index is beyond the rows, or the mask has another length.
         """
-        columns = {name: getattr(self, name) for name in _layout(type(self)).names}
+        columns, plain = self._columns, self._plain
         if isinstance(rows, slice):
-            return type(self)(**{name: values[rows] for name, values in columns.items()})
+            return type(self)(**plain, **{name: values[rows] for name, values in columns.items()})
         at = np.asarray(rows)
         if at.dtype == np.bool_:
             if len(at) != len(self):
@@ -159,15 +162,23 @@ class Batch(Struct):
             at = np.flatnonzero(at)
         elif not len(at):  # of an empty list
             at = at.astype(np.int64)
-        return type(self)(**{name: values.take(at, axis=0) for name, values in columns.items()})
+        return type(self)(**plain, **{name: values.take(at, axis=0) for name, values in columns.items()})
+
+    @property
+    def _columns(self) -> dict[str, Array]:
+        return {name: getattr(self, name) for name in _layout(type(self)).names}
+
+    @property
+    def _plain(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in _layout(type(self)).plain}
 
     def without_values(self, *kept: str) -> Self:
         """As many rows, with the values of the columns that are named. The others are NaN or 0 throughout and take no memory."""
-        every = {name: getattr(self, name) for name in _layout(type(self)).names}
+        every = self._columns
         for name in every.keys() - set(kept):
             dtype, shape = every[name].dtype, every[name].shape
             every[name] = np.broadcast_to(np.array(np.nan if dtype.kind == "f" else 0, dtype), shape)
-        return type(self)(**every)
+        return type(self)(**self._plain, **every)
 
     def put(self, first: int, rows: Self) -> None:
         """Write these rows over those from a first one on, in place."""
@@ -175,11 +186,12 @@ class Batch(Struct):
             getattr(self, name)[first : first + len(rows)] = getattr(rows, name)
 
     @classmethod
-    def join(cls, parts: list[Self]) -> Self:
-        """The rows of all parts, one after the other; no part gives an empty batch."""
+    def join(cls, parts: Sequence[Self]) -> Self:
+        """The rows of all parts, one after the other, with the plain values of the first; no part gives an empty batch."""
         if not parts:
             return cls.empty()
-        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in _layout(cls).names})
+        columns = {name: np.concatenate([getattr(p, name) for p in parts]) for name in _layout(cls).names}
+        return cls(**parts[0]._plain, **columns)
 
 
 def size_bytes(value: object) -> int:

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches.struct import Batch, Struct, column
+from coastwatch.batches.struct import Batch, column, optional_column
 from coastwatch.kernels.arrays import Array, Floats, Ints
-
-OF_SPOKES = ("time_s", "received_s", "azimuth_rad", "site_deg", "level", "missing", "vessel_m")
-"""Columns of `RadarVideo` with a row for each spoke."""
 
 
 @dataclass(frozen=True, eq=False)
-class RadarVideo(Struct):
-    """Spokes of one radar at one range scale, in order of arrival. A spoke that was lost is no row."""
+class RadarVideo(Batch):
+    """Spokes of one radar at one range scale, in order of arrival. A spoke that was lost is no row. Those that are joined are of one."""
 
     sensor: int  # index into the scenario's radars
     first_m: float  # range of the near edge of the first cell
@@ -28,42 +24,22 @@ class RadarVideo(Struct):
     site_deg: Floats = column(np.float64, "S", 2)  # where the antenna was
     level: Array = column(np.uint8, "S", "C")  # see `Radars.db_per_level`
     # Range of each true vessel where the spoke points near it, NaN elsewhere; no vessel where the video is not simulated.
-    vessel_m: Floats = field(default_factory=lambda: np.zeros((0, 0)), metadata=column(np.float64, "S", "V").metadata)
+    vessel_m: Floats = optional_column("S", "V")
     bits: int = 8  # of a cell as the radar sends it: levels of 1, 2 and 4 bits are as they are
     # First cell and end of what did not come of each spoke: its level is 0, and nothing is looked for there.
-    missing: Ints = field(default_factory=lambda: np.zeros((0, 2), np.int64), metadata=column(np.int64, "S", 2).metadata)
+    missing: Ints = optional_column("S", 2, dtype=np.int64, new=0)
 
     def __post_init__(self) -> None:
-        if not len(self.vessel_m):
-            object.__setattr__(self, "vessel_m", np.zeros((len(self), 0)))
-        if not len(self.missing):
-            object.__setattr__(self, "missing", np.zeros((len(self), 2), np.int64))
         super().__post_init__()
         if not (self.cell_m > 0.0 and self.first_m >= 0.0):
             raise ValueError(
                 f"RadarVideo.cell_m, first_m: got {self.cell_m}, {self.first_m}, needed more than 0, and 0 or more"
             )
 
-    def __len__(self) -> int:
-        return len(self.time_s)
-
     @property
     def scale(self) -> tuple[float, float, int, int]:
         """Near edge and length of a cell, m, bits and number of cells: spokes of one radar and scale can be joined."""
         return self.first_m, self.cell_m, self.bits, self.level.shape[1]
-
-    def take(self, rows: Array | slice) -> RadarVideo:
-        """The spokes at these indices or under this mask, in that order."""
-        return replace(self, **{name: getattr(self, name)[rows] for name in OF_SPOKES})
-
-    @staticmethod
-    def join(parts: Sequence[RadarVideo]) -> RadarVideo:
-        """The spokes of all parts, one after the other. Args: parts: one or more, of one radar, scale and number of vessels."""
-        first, *more = parts
-        if not more:
-            return first
-        columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in OF_SPOKES}
-        return replace(first, **columns)
 
 
 @dataclass(frozen=True)
@@ -98,7 +74,7 @@ class Extractions(Batch):
 
 
 @dataclass(frozen=True, eq=False)
-class RadarExcess(Struct):
+class RadarExcess(Batch):
     """Spokes of one radar, as by how much each cell is over its local background: what trackers take that need no plots."""
 
     sensor: int  # index into the radars of the region
@@ -108,6 +84,3 @@ class RadarExcess(Struct):
     azimuth_rad: Floats = column(np.float64, "S")  # true, 0 to 2 pi
     site_deg: Floats = column(np.float64, "S", 2)  # where the antenna was
     half_db: Array = column(np.int8, "S", "C")  # half decibels over the background, -20 to 60; 0 where none is known
-
-    def __len__(self) -> int:
-        return len(self.time_s)
