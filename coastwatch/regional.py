@@ -86,8 +86,7 @@ def run_regional_centre(
     """One cycle of a regional centre. Tracks that hold plots of a radar whose corrections have jumped are dropped."""
     sensors, radars = given.sensors, given.radars
     seen = ExtractionInput(given.video, sensors)
-    extraction_memory, extracted = extractor.step(memory.extraction, seen)
-    summary = extractor.summary(extraction_memory, seen, extracted)
+    extraction_memory, (extracted, summary) = extractor.step(memory.extraction, seen)
     video = over_background(extraction_memory, seen) if tracker.takes_video else ()
     reports = RadarReports.join([given.reports, extracted]) if len(extracted) else given.reports
     plots_memory, plots = converter.step(memory.plots, reports, sensors, given.corrections)

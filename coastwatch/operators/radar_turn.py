@@ -89,7 +89,7 @@ def load(scenario: Scenario, radar: str, at_s: float | None, number: int | None)
             f"plot --video: {radar} sent no video about {utc_text(at_s)}, needed another turn of {turns} from "
             f"{utc_text(plan.start_s)} to {utc_text(stop_s)}"
         )
-    _, plots = scenario.extraction.step(scenario.extraction.init(), ExtractionInput(ours, sensors))
+    _, (plots, _) = scenario.extraction.step(scenario.extraction.init(), ExtractionInput(ours, sensors))
     plots = plots.take((plots.time_s >= video.time_s.min()) & (plots.time_s <= video.time_s.max()))
     levels = np.bincount(video.level.ravel(), minlength=256).astype(np.float64)
     shades = shades_of(levels, float(sensors.radars.db_per_level[row]), video.bits)

@@ -35,7 +35,7 @@ def cycle_inputs(scenario: Scenario, recording: Recording, first: int = 0, video
         shown, radar = ExtractionInput(reports.video, sensors), reports.radar
         over: tuple[RadarExcess, ...] = ()
         if len(reports.video):
-            extraction, extracted = scenario.extraction.step(extraction, shown)
+            extraction, (extracted, _) = scenario.extraction.step(extraction, shown)
             radar = RadarReports.join([radar, extracted])
             over = over_background(extraction, shown) if video else ()
         converted, plots = scenario.plots.step(converted, radar, sensors, none)

@@ -104,7 +104,7 @@ def plots(scenario: Scenario, seed: int, turns: int, every: int) -> dict[str, fl
         begun_s = plan.start_s + turn * every * period
         video = recording.reports.between(begun_s, begun_s + period * (1.0 - 1e-9)).video.parts[0]
         given = Videos((_at(video, plan.start_s + turn * period - begun_s),))
-        memory, found = scenario.extraction.step(memory, ExtractionInput(given, sensors))
+        memory, (found, _) = scenario.extraction.step(memory, ExtractionInput(given, sensors))
         parts.append(found)
     every_plot = RadarReports.join(parts)
     number = np.floor((every_plot.time_s - plan.start_s) / period).astype(np.int64)
@@ -213,7 +213,7 @@ def _beside_oracle() -> None:
     level, azimuth_rad = (np.concatenate([getattr(part, name) for part in videos.parts]) for name in ("level", "azimuth_rad"))
     radar = VideoRadar.of(sensors, 0)
     begun = process_time()
-    _, found = scenario.extraction.step(scenario.extraction.init(), ExtractionInput(videos, sensors))
+    _, (found, _) = scenario.extraction.step(scenario.extraction.init(), ExtractionInput(videos, sensors))
     ours = process_time() - begun
     begun = process_time()
     rules = scenario.extraction._detection(radar, videos.parts[0]).rules
@@ -245,7 +245,7 @@ def beside(scenario: Scenario, seed: int) -> dict[str, float]:
     assert isinstance(scenario.input, SimulatedVideo)
     for cycle in range(plan.cycles):
         video = _of_cycle(plan, recording.reports.between, cycle).video
-        memory, found = scenario.extraction.step(memory, ExtractionInput(video, sensors))
+        memory, (found, _) = scenario.extraction.step(memory, ExtractionInput(video, sensors))
         parts.append(found)
     of_video, motion = RadarReports.join(parts), motion_of(scenario.input.ships, plan.start_s, plan.cycles * plan.period_s)
     turns, radars = np.arange(float(plan.cycles)), sensors.radars

@@ -52,7 +52,7 @@ def sea(spokes, cells, seed, ships=3):
 
 def plots_of(method, some, sensors, memory=None):
     memory = method.init() if memory is None else memory
-    memory, plots = method.step(memory, ExtractionInput(Videos((some,)), sensors))
+    memory, (plots, _) = method.step(memory, ExtractionInput(Videos((some,)), sensors))
     return memory, plots
 
 

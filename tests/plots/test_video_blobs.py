@@ -44,7 +44,7 @@ def turns(count: float, echoes=ECHOES, spokes=SPOKES, cells=CELLS, long_m=25.0, 
 
 
 def plots_of(method, video, memory=None):
-    memory, plots = method.step(method.init() if memory is None else memory, ExtractionInput(Videos((video,)), SENSORS))
+    memory, (plots, _) = method.step(method.init() if memory is None else memory, ExtractionInput(Videos((video,)), SENSORS))
     return memory, plots
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Extractions, RadarReports, RadarVideo
+from coastwatch.batches import RadarVideo
 from coastwatch.plots.video.masks import Masks
 from coastwatch.plots.video.spokes import (
     BLOCK_CELLS,
@@ -16,9 +16,10 @@ from coastwatch.plots.video.spokes import (
     Detection,
     ExtractionInput,
     ExtractionMemory,
+    ExtractionOutput,
     VideoRadar,
     extracted,
-    extractions,
+    with_summary,
 )
 from coastwatch.stage import Count, Method
 
@@ -37,13 +38,10 @@ class AbsoluteExtraction(Method):
         """The memory before the first cycle."""
         return ExtractionMemory({})
 
-    def step(self, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, RadarReports]:
+    def step(self, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, ExtractionOutput]:
         """The plots of the echoes that the video of this cycle completes."""
-        return extracted(memory, given, self._detection)
-
-    def summary(self, memory: ExtractionMemory, given: ExtractionInput, plots: RadarReports) -> Extractions:
-        """As of `extractions`. The threshold is a level, and no decibels."""
-        return extractions(given, plots, lambda _: float("nan"))
+        after, plots = extracted(memory, given, self._detection)
+        return after, with_summary(plots, given)
 
     def _detection(self, radar: VideoRadar, video: RadarVideo) -> Detection:
         background = kernels.video.background

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Extractions, Floats, Ints, RadarReports, RadarVideo
+from coastwatch.batches import Array, Floats, Ints, RadarReports, RadarVideo
 from coastwatch.errors import InputError
 from coastwatch.plots.video.masks import Masks
 from coastwatch.plots.video.spokes import (
@@ -23,13 +23,14 @@ from coastwatch.plots.video.spokes import (
     TURN_RAD,
     ExtractionInput,
     ExtractionMemory,
+    ExtractionOutput,
     PictureMemory,
     VideoRadar,
-    extractions,
     in_decibels,
     masked,
     origin_of,
     scale_of,
+    with_summary,
 )
 from coastwatch.stage import Count, Method, NotNegative, Positive, Share
 
@@ -74,10 +75,10 @@ class BlobExtraction(Method):
         require_opencv()
         return ExtractionMemory({})
 
-    def step(self, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, RadarReports]:
+    def step(self, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, ExtractionOutput]:
         """The plots of the turns that the video of this cycle completes. A new range scale begins again. Raises: InputError."""
         if not given.video.parts:
-            return memory, RadarReports.empty()
+            return memory, with_summary(RadarReports.empty(), given)
         pictures, plots = dict(memory.pictures), []
         for video in given.video.parts:
             radar = VideoRadar.of(given.sensors, video.sensor)
@@ -87,11 +88,8 @@ class BlobExtraction(Method):
             pictures[video.sensor], found = self._painted(before, video, radar)
             plots += found
         together = RadarReports.join([RadarReports.empty(), *plots])
-        return replace(memory, pictures=pictures), together.take(np.argsort(together.received_s, kind="stable"))
-
-    def summary(self, memory: ExtractionMemory, given: ExtractionInput, plots: RadarReports) -> Extractions:
-        """As of `extractions`. The thresholds are levels, and no decibels."""
-        return extractions(given, plots, lambda _: float("nan"))
+        in_order = together.take(np.argsort(together.received_s, kind="stable"))
+        return replace(memory, pictures=pictures), with_summary(in_order, given)
 
     def _painted(self, m: PictureMemory, video: RadarVideo, radar: VideoRadar) -> tuple[PictureMemory, list[RadarReports]]:
         """The memory with more spokes in its picture, and the plots of each turn that they complete."""

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import model_validator
 
 from coastwatch import kernels
-from coastwatch.batches import Extractions, RadarReports, RadarVideo
+from coastwatch.batches import RadarVideo
 from coastwatch.plots.video.masks import Masks
 from coastwatch.plots.video.spokes import (
     BLOCK_CELLS,
@@ -16,11 +16,12 @@ from coastwatch.plots.video.spokes import (
     Detection,
     ExtractionInput,
     ExtractionMemory,
+    ExtractionOutput,
     SpokeMemory,
     VideoRadar,
     extracted,
-    extractions,
     pulse_cells,
+    with_summary,
 )
 from coastwatch.stage import Count, Method, NotNegative, Positive
 
@@ -56,13 +57,10 @@ class CfarExtraction(Method):
         """The memory before the first cycle."""
         return ExtractionMemory({})
 
-    def step(self, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, RadarReports]:
+    def step(self, memory: ExtractionMemory, given: ExtractionInput) -> tuple[ExtractionMemory, ExtractionOutput]:
         """The plots of the echoes that the video of this cycle completes."""
-        return extracted(memory, given, self._detection)
-
-    def summary(self, memory: ExtractionMemory, given: ExtractionInput, plots: RadarReports) -> Extractions:
-        """As of `extractions`."""
-        return extractions(given, plots, lambda radar: self._threshold_db(memory.radars[radar.number], radar))
+        after, plots = extracted(memory, given, self._detection)
+        return after, with_summary(plots, given, lambda radar: self._threshold_db(after.radars[radar.number], radar))
 
     def _threshold_db(self, spokes: SpokeMemory, radar: VideoRadar) -> float:
         """The median of what is detected over the background."""

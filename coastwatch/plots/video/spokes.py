@@ -52,6 +52,13 @@ class ExtractionInput(NamedTuple):
     sensors: Sensors
 
 
+class ExtractionOutput(NamedTuple):
+    """What extraction makes of the video of a cycle."""
+
+    plots: RadarReports  # in order of arrival
+    summary: Extractions
+
+
 @dataclass(frozen=True, eq=False)
 class SpokeMemory(Struct):
     """One radar at one range scale between two cycles."""
@@ -180,14 +187,20 @@ def extracted(
     return ExtractionMemory(radars), together.take(np.argsort(together.received_s, kind="stable"))
 
 
-def extractions(given: ExtractionInput, plots: RadarReports, threshold_db: Callable[[VideoRadar], float]) -> Extractions:
-    """What was made of the video of a cycle. Args: plots: of the step; threshold_db: of a radar, NaN: not known."""
+def with_summary(
+    plots: RadarReports, given: ExtractionInput, threshold_db: Callable[[VideoRadar], float] = lambda radar: float("nan")
+) -> ExtractionOutput:
+    """These plots, and how many are of each radar that sent video.
+
+    Args: threshold_db: of a radar; NaN: not in decibels, or not known.
+    """
     radar = sorted({video.sensor for video in given.video.parts})
-    return Extractions(
+    summary = Extractions(
         radar=np.array(radar, np.int64),
         plots=np.array([(plots.sensor == number).sum() for number in radar], np.int64),
         threshold_db=np.array([threshold_db(VideoRadar.of(given.sensors, number)) for number in radar], np.float64),
     )
+    return ExtractionOutput(plots, summary)
 
 
 def scale_of(of: SpokeMemory | PictureMemory | RadarVideo) -> tuple[float, ...]:
