@@ -74,11 +74,6 @@ class Tally:
     dark: Dark | None = None
 
 
-def start(sensors: Sensors) -> Tally:
-    """Before the first cycle."""
-    return Tally()
-
-
 def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) -> Tally:
     """The sums after one more cycle; unchanged where the recording has no truth."""
     if recording.truth is None:

@@ -19,7 +19,7 @@ from coastwatch.cycle import dropped, gathered, run_cycle, start_run
 from coastwatch.formats.intake.accounts import losses
 from coastwatch.plots import true_video
 from coastwatch.scenario import Scenario
-from coastwatch.scores import add, result, start
+from coastwatch.scores import Tally, add, result
 from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import CheckpointSchedule, Point
 from coastwatch.server.input import AtOnce, Input
@@ -293,7 +293,7 @@ class _Run:
                 feeds=self.recording.feeds,
                 by_server=live is not None,
             )
-            point = Point(0, start_run(scenario, self.sensors), start(self.sensors))
+            point = Point(0, start_run(scenario, self.sensors), Tally())
         if live is not None:
             live.begun(self.run_id, point)
             self.zones = WatchedZones(self.store, scenario, live.refuse_zones)

@@ -236,14 +236,7 @@ class ReceivedTracks(Method):
             return before
         now_deg = offset_deg(fresh.position_deg, (time_s - fresh.time_s)[:, None] * fresh.velocity_m_s)
         here, there = earth_centred(now_deg), earth_centred(ais.position_deg)
-        from scipy.spatial import cKDTree  # here: only a run with received tracks needs its 40 MB
-
-        nearest = cKDTree(there).query(here, distance_upper_bound=self.partner_m)
-        partner = np.asarray(nearest[1])
-        mine = np.flatnonzero(np.isfinite(nearest[0]))
-        back = np.asarray(cKDTree(here).query(there[partner[mine]])[1])
-        mine = mine[np.flatnonzero(back == mine)]
-        rows = partner[mine]
+        mine, rows = _mutual(here, there, self.partner_m)
         apart_m = difference_m(now_deg[mine], ais.position_deg[rows])
         apart_m_s = fresh.velocity_m_s[mine] - ais.velocity_m_s[rows]
         given = np.isnan(fresh.made_over_s[mine])
@@ -281,18 +274,11 @@ class ReceivedTracks(Method):
 
     def _nearest(self, table: ReceivedTable, time_s: float, old: Ints, new: Ints) -> tuple[Ints, Ints]:
         """The pairs of an old and a new row that are each other's nearest, within `partner_m`. (P,), (P,)"""
-        if not len(old) or not len(new):
-            return old[:0], new[:0]
-        from scipy.spatial import cKDTree
-
         moved_m = (time_s - table.time_s)[:, None] * np.nan_to_num(table.velocity_m_s)
         now_deg = offset_deg(table.position_deg, moved_m)
         here, there = earth_centred(now_deg[old]), earth_centred(now_deg[new])
-        nearest = cKDTree(there).query(here, distance_upper_bound=self.partner_m)
-        mine, at = np.flatnonzero(np.isfinite(nearest[0])), np.asarray(nearest[1])
-        back = np.asarray(cKDTree(here).query(there[at[mine]])[1])
-        mine = mine[back == mine]
-        return old[mine], new[at[mine]]
+        of_old, of_new = _mutual(here, there, self.partner_m)
+        return old[of_old], new[of_new]
 
     def _tracks(self, table: ReceivedTable, position_m2: Floats, velocity_m2_s2: Floats, sensors: Sensors) -> Tracks:
         n = len(table)
@@ -371,13 +357,24 @@ def _row_of(table: ReceivedTable, new: TrackReports | ReceivedTable) -> Ints:
     return row_of(known, wanted)
 
 
+def _mutual(here: Floats, there: Floats, within_m: float) -> tuple[Ints, Ints]:
+    """The rows of positions that are each other's nearest, within a distance. (P,), (P,) Args: here, there: (N, 3), (M, 3) m."""
+    if not len(here) or not len(there):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    from scipy.spatial import cKDTree  # here: only a run with received tracks needs its 40 MB
+
+    distance_m, nearest = cKDTree(there).query(here, distance_upper_bound=within_m)
+    mine = np.flatnonzero(np.isfinite(distance_m))
+    theirs = np.asarray(nearest)[mine]
+    mutual = cKDTree(here).query(there[theirs])[1] == mine
+    return mine[mutual], theirs[mutual]
+
+
 def _appended(kept: Floats, sensor: Ints, values: Floats) -> Floats:
     """The newest values of each source, with these after them."""
     out = kept.copy()
     for source in np.unique(sensor):
-        row = np.concatenate([kept[source][np.isfinite(kept[source])], values[sensor == source]])[-KEPT:]
-        out[source] = np.nan
-        out[source, KEPT - len(row) :] = row
+        out[source] = np.concatenate([kept[source], values[sensor == source]])[-KEPT:]
     return out
 
 

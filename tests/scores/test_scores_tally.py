@@ -13,7 +13,7 @@ from simulated_world import CENTRE_DEG, START_S, recorded, sensors
 
 from coastwatch.batches import AisReports, BearingAssociations, Flag, FusedTracks, Stations
 from coastwatch.geodesy import NAUTICAL_MILE_M, within_any
-from coastwatch.scores import add, result, start
+from coastwatch.scores import Tally, add, result
 from coastwatch.scores.dark import Dark, watch, without_reports
 from coastwatch.server.checkpoint import load, save
 
@@ -65,7 +65,7 @@ def perfect(time_s, made=MADE, east_m=0.0):
 
 
 def over(cycles, made=MADE, where=WITH_STATION):
-    tally = start(where)
+    tally = Tally()
     for cycle in cycles:
         tally = add(tally, cycle, made, where)
     return tally
@@ -129,7 +129,7 @@ def test_a_saved_tally_goes_on_alike():
 
 def test_without_truth_there_is_no_score():
     blind = replace(MADE, truth=None)
-    tally = add(start(WITH_STATION), perfect(TIMES[-1]), blind, WITH_STATION)
+    tally = add(Tally(), perfect(TIMES[-1]), blind, WITH_STATION)
     assert tally.fused.count == 0
     assert result(tally, blind, WITH_STATION) == {}
 
@@ -156,7 +156,7 @@ def test_recordings_without_noises_keep_no_list_and_have_no_bound():
 
 
 def test_no_cycle_scores_nothing():
-    scores = result(start(WITH_STATION), MADE, WITH_STATION)
+    scores = result(Tally(), MADE, WITH_STATION)
     assert scores["associations"] == {}
     assert scores["fused_tracks"]["count"] == 0
 

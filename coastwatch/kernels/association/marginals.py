@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from coastwatch.kernels.arrays import Floats, Ints
 from coastwatch.kernels.association.connected_components import components
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tables.copies import copy_into
@@ -19,6 +20,19 @@ from coastwatch.kernels.tables.counting_sort import counting_sort
 
 ROUNDS = 200  # of sum-product, at most
 SETTLED = 1e-9  # largest change of a message in the last round
+
+
+def taken(plot: Ints, track: Ints, share: Floats, plots: int, tracks: int, likely: float) -> tuple[Ints, Ints, Ints]:
+    """Who took which plot. Args: plot, track, share: (A,) as of `marginals`; likely: a probability of one half or more.
+
+    Returns: the track that likely took each plot, -1: none, (M,); the tracks that likely took one, all plots of the gate together;
+    the most probable plot of each track, -1: none in its gate, (N,).
+    """
+    of_plot, best, surely = np.full(plots, -1), np.full(tracks, -1), share > likely
+    of_plot[plot[surely]] = track[surely]
+    rising = np.argsort(share, kind="stable")
+    best[track[rising]] = plot[rising]
+    return of_plot, np.flatnonzero(np.bincount(track, share, tracks) > likely), best
 
 
 @jit

@@ -181,22 +181,29 @@ def predict_from_moments(state, covariance, mode_probability, models, dt, renewa
 
 
 @jit
+def _floored(weight, total, mode_probability):  # type: ignore[no-untyped-def]
+    """Mode probabilities, into the last, proportional to weights with this sum, none of them below FLOOR before they sum to 1 again."""
+    floored = 0.0
+    for j in range(len(weight)):
+        mode_probability[j] = max(weight[j] / total, FLOOR)
+        floored += mode_probability[j]
+    for j in range(len(weight)):
+        mode_probability[j] /= floored
+
+
+@jit
 def reweigh(factor, distance, mode_probability):  # type: ignore[no-untyped-def]
     """Mode probabilities, into the last, proportional to factor exp(-distance / 2); the logarithm of the sum of these weights.
 
     Args: factor: (J,), overwritten; distance: (J,).
     """
-    least, total, floored = math.inf, 0.0, 0.0
+    least, total = math.inf, 0.0
     for j in range(len(factor)):
         least = min(least, distance[j])
     for j in range(len(factor)):
         factor[j] *= math.exp(0.5 * (least - distance[j]))
         total += factor[j]
-    for j in range(len(factor)):
-        mode_probability[j] = max(factor[j] / total, FLOOR)
-        floored += mode_probability[j]
-    for j in range(len(factor)):
-        mode_probability[j] /= floored
+    _floored(factor, total, mode_probability)
     return math.log(total) - 0.5 * least
 
 
@@ -210,12 +217,7 @@ def weigh_models(log_weight, mode_probability):  # type: ignore[no-untyped-def]
     for j in range(len(log_weight)):
         log_weight[j] = math.exp(log_weight[j] - largest)
         total += log_weight[j]
-    floored = 0.0
-    for j in range(len(log_weight)):
-        mode_probability[j] = max(log_weight[j] / total, FLOOR)
-        floored += mode_probability[j]
-    for j in range(len(log_weight)):
-        mode_probability[j] /= floored
+    _floored(log_weight, total, mode_probability)
     return largest + math.log(total)
 
 

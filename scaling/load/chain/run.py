@@ -88,7 +88,7 @@ def run_cycles(load: Load, world: World, on_cycle: Callable[[Cycle], None] | Non
     scenario, sensors, plan, watch = world.scenario, world.sensors, world.plan, Stopwatch()
     state, memory = initial_state(world), start_run(scenario, sensors)
     timer = StageTimer(watch)
-    tally, sample, no_scores = quality.Tally(), quality.sample_of(world), scores.start(sensors)
+    tally, sample, no_scores = quality.Tally(), quality.sample_of(world), scores.Tally()
     with ExitStack() as stack:
         workers = stack.enter_context(open_workers(scenario.workers.method, load.workers))
         opened = nullcontext() if load.store == "none" else RunDatabase(load.store, scenario, sensors, plan, load.workers)

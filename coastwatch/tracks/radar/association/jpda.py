@@ -70,15 +70,10 @@ class Jpda(PlotAssociation):
         plot, of, tracks = hypotheses.plot, hypotheses.track, hypotheses.slot
         missed = 1.0 - detection * rules.gate_probability
         weight = detection / missed * parts.joint.likelihood(table, hypotheses) / per_m2[plot]
-        find = kernels.association.marginals.marginals
-        share = find(plot, of, weight, count, len(tracks), EXACT)
+        marginals = kernels.association.marginals
+        share = marginals.marginals(plot, of, weight, count, len(tracks), EXACT)
         parts.joint.update_by_shares(table, hypotheses, share, batch, self.least_model_probability)
-        likely = np.flatnonzero(share > LIKELY)
-        slot = np.full(count, -1)
-        slot[plot[likely]] = tracks[of[likely]]
-        best, order = np.full(len(tracks), -1), np.argsort(share, kind="stable")
-        best[of[order]] = plot[order]
-        hit = np.flatnonzero(np.bincount(of, share, len(tracks)) > LIKELY)  # by all plots of its gate together
+        by, hit, best = marginals.taken(plot, of, share, count, len(tracks), LIKELY)
         kernels.tracks.track_life.record(table.life, tracks[hit], best[hit], batch)
         table.note_moved(parts.clutter, tracks[hit])
-        return slot, np.maximum(1.0 - np.bincount(plot, share, count), 0.0)
+        return np.append(tracks, -1)[by], np.maximum(1.0 - np.bincount(plot, share, count), 0.0)

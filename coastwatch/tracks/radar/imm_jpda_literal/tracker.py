@@ -180,17 +180,12 @@ class ImmJpdaLiteral(RadarMethod):
         density = per_m2 * plots.polar[:, 0]  # of one metre and one radian
         weight = found * (known.mode_probability[pairs.track] * pairs.likelihood).sum(axis=1)
         weight = weight / ((1.0 - found * within) * density[pairs.plot])
-        find = kernels.association.marginals.marginals
-        share = find(pairs.plot, pairs.track, weight, count, len(known), EXACT)
+        marginals = kernels.association.marginals
+        share = marginals.marginals(pairs.plot, pairs.track, weight, count, len(known), EXACT)
         update.update_by_shares(tracks, plots, pairs, share, batch.site_m)
-        likely = np.flatnonzero(share > LIKELY)
-        taken, hit = np.full(count, -1), pairs.track[likely]
-        taken[pairs.plot[likely]] = known.number[hit]
-        hit = np.flatnonzero(np.bincount(pairs.track, share, len(known)) > LIKELY)  # by all plots of its gate together
-        nearest = np.full(len(known), -1)
-        order = np.argsort(share, kind="stable")
-        nearest[pairs.track[order]] = pairs.plot[order]
-        _record(known, hit, nearest[hit], columns, radar)
+        by, hit, best = marginals.taken(pairs.plot, pairs.track, share, count, len(known), LIKELY)
+        taken = np.append(known.number, -1)[by]
+        _record(known, hit, best[hit], columns, radar)
         free = np.bincount(pairs.plot, minlength=count) == 0
         memory = self._begin(memory, batch, free)
         if self.clutter.learnt:
