@@ -310,7 +310,7 @@ def score_octants(settings: BearingLikelihood, arrays: Arrays, octants: Groups) 
     )
     track, first = octants.row, arrays["first_pair"]
     count = first[track + 1] - first[track]
-    pair = kernels.bearings.candidates.ranges(first[track], count)
+    pair = kernels.tables.groups.ranges(first[track], count)
     start = np.append(0, np.cumsum(count))
     pairs = kernels.bearings.likelihood.TrackPairs(track, start, arrays["slot"][pair])
     scores = np.empty((len(pair), 2))

@@ -93,7 +93,7 @@ def accept_in_octants(settings: BearingWindowedCovariance, arrays: Arrays, octan
 def _accept_in_octant(settings: BearingWindowedCovariance, arrays: Arrays, rows: Ints) -> tuple[Array, ...]:
     """Pairs of these bearing tracks that pass the test: index of the pair, x."""
     first, count = arrays["first_pair"][rows], np.diff(arrays["first_pair"])[rows]
-    index = kernels.bearings.candidates.ranges(first, count)
+    index = kernels.tables.groups.ranges(first, count)
     track, vessel = np.repeat(arrays["track"][rows], count), arrays["vessel"][index]
     full = (arrays["track_length"][track] == settings.window) & (arrays["vessel_length"][vessel] == settings.window)
     index, track, vessel = index[full], track[full], vessel[full]

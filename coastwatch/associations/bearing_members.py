@@ -19,7 +19,7 @@ from coastwatch.batches import (
     VesselBearings,
 )
 from coastwatch.geodesy import wrap_rad
-from coastwatch.kernels.bearings.candidates import ranges
+from coastwatch.kernels.tables.groups import ranges
 
 
 def bearing_members(

@@ -83,7 +83,7 @@ class SensorBias(Struct):
         """
         if gain == 0.0:
             return self
-        median_of = kernels.bearings.candidates.median_of_groups
+        median_of = kernels.tables.groups.median_of_groups
         mean, sigma = self.mean_rad.copy(), self.sigma_rad.copy()
         residual = wrap_rad(difference_rad - mean[sensor])
         count, median = median_of(sensor, residual, len(mean))

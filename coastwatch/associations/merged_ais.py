@@ -89,7 +89,7 @@ def find_merged_ais(tracks: Tracks, kinds: Ints, gate_m: float) -> MergedAis:
     ais = ais[order]
     low, high = (np.searchsorted(tracks.mmsi[ais], tracks.held_mmsi[holder], side) for side in ("left", "right"))
     row = np.repeat(np.arange(len(holder)), high - low)
-    place = kernels.bearings.candidates.ranges(low, high - low)
+    place = kernels.tables.groups.ranges(low, high - low)
     distance_m = np.hypot(*difference_m(tracks.position_deg[ais[place]], tracks.position_deg[holder[row]]).T)
     chosen = kernels.association.assignment.assign(row, place, gate_m - distance_m)
     chosen &= distance_m < gate_m

@@ -201,7 +201,7 @@ class CentralImm(FusionMethod):
         one = lost[one]
         at = kernels.tables.match_ids.index_of(memory.held_id, held_id)
         of_track = kernels.tables.match_ids.index_of(memory.track_id, bearings.track_id[one])
-        filter_of_track = np.where(of_track >= 0, np.append(memory.filter_of_track, -1)[of_track], -1)
+        filter_of_track = np.append(memory.filter_of_track, -1)[of_track]
         before = np.where(at >= 0, np.append(memory.held_filter, -1)[at], filter_of_track)
         since_s = np.where(at >= 0, np.append(memory.held_since_s, time_s)[at], time_s)
         held = np.flatnonzero((before >= 0) & (time_s - since_s < self.bearing_hold_s))
@@ -430,7 +430,7 @@ def plan_filters(
     begin = vessels.start[:-1]
     at = kernels.tables.match_ids.index_of(memory.track_id, tracks.track_id)
     track_of_measurement = kernels.tables.match_ids.index_of(tracks.track_id, measurements.track_id)
-    filter_before = np.where(at >= 0, np.append(memory.filter_of_track, -1)[at], -1)
+    filter_before = np.append(memory.filter_of_track, -1)[at]
     measured_s = np.full(len(tracks) + 1, -np.inf)  # the last is of measurements of no track
     np.maximum.at(measured_s, track_of_measurement, measurements.time_s)
     of_entry = filter_before[vessels.row]

@@ -86,7 +86,7 @@ class ImmOfTracks(FusionMethod):
         Args: row: (N,) the tracks of each vessel in order of preference; covariance: (V, 4, 4) of the first of each.
         """
         at = kernels.tables.match_ids.index_of(memory.track_id, tracks.track_id)
-        before = np.where(at >= 0, np.append(memory.filter_of_track, -1)[at], -1)[row]
+        before = np.append(memory.filter_of_track, -1)[at][row]
         entry = np.where(before >= 0, np.arange(len(row)), len(row))
         entry = np.minimum.reduceat(entry, vessels.start[:-1]) if len(row) else entry
         filter_of = np.append(before, -1)[entry]

@@ -16,7 +16,7 @@ import numpy as np
 
 from coastwatch.batches import Bools, Flag, Floats, Ints, Picture, Struct, Tracks, column
 from coastwatch.geodesy import difference_m
-from coastwatch.kernels.bearings.candidates import ranges
+from coastwatch.kernels.tables.groups import ranges
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.kernels.tables.match_ids import index_of
 from coastwatch.picture.settings import IdentitySettings

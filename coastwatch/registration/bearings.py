@@ -109,7 +109,7 @@ def _pair_with_bearings(
     first = np.searchsorted(vessel_of_bearing[order], vessel)
     count = np.where(vessel >= 0, np.searchsorted(vessel_of_bearing[order], vessel, side="right") - first, 0)
     plot = np.repeat(np.arange(len(waiting)), count)
-    return plot, associations.bearing_row[order][kernels.bearings.candidates.ranges(first, count)]
+    return plot, associations.bearing_row[order][kernels.tables.groups.ranges(first, count)]
 
 
 def _unambiguous(tracks: BearingTracks, sensors: Sensors) -> Bools:

@@ -235,7 +235,8 @@ def _verdict(line: Line) -> str:
     if line.asked is None or line.figure.by_hand:
         return ""
     word = {True: "<span class=yes>reached</span>", False: "<span class=no>missed</span>", None: "not measured"}[line.reached]
-    return f"{'&le;' if line.figure.better == 'lower' else '&ge;'} {_plain(line.asked, line)} {word}"
+    by = f" by {escape(line.figure.asked_by)}" if line.figure.asked_by else ""
+    return f"{'&le;' if line.figure.better == 'lower' else '&ge;'} {_plain(line.asked, line)}{by}: {word}"
 
 
 def _cell(spread: Spread, line: Line) -> str:

@@ -87,6 +87,7 @@ def _figure(line: Line) -> dict[str, object]:
         "against_published": line.against_published or None,
         "not_compared": line.not_compared or None,
         "asked": line.asked,
+        "asked_by": f.asked_by or None,
         "reached": line.reached,
         "by_hand": f.by_hand,
         "better": f.better,

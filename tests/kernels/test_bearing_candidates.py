@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from coastwatch.geodesy import wrap_deg
 from coastwatch.kernels.bearings.candidates import (
     SECTORS,
-    median_of_groups,
     pairs_of_tracks,
-    ranges,
     sector_of,
     tracks_by_octant,
     vessels_by_octant,
 )
+from coastwatch.kernels.tables.groups import median_of_groups, ranges
 
 pytestmark = pytest.mark.oracle
 

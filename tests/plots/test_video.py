@@ -14,7 +14,7 @@ from coastwatch.batches import RadarReports, RadarVideo, Videos
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
 from coastwatch.plots import CfarExtraction, ExtractionInput
 from coastwatch.plots.video import AbsoluteExtraction, over_background
-from coastwatch.plots.video.masks import Masks, Scale, Sector, mask_of
+from coastwatch.plots.video.masks import Masks, MaskScale, Sector, mask_of
 from coastwatch.plots.video.spokes import BEAM_IN_MOMENT, FWHM, PULSE_IN_MOMENT, VideoRadar
 from coastwatch.scenario.sites import Radar, sensors_of
 from coastwatch.server.checkpoint import load, save
@@ -81,7 +81,7 @@ def against_textbook(level, azimuth=None, masks=None, gap=None, kind=CfarExtract
     radar = VideoRadar.of(sensors, 0)
     masked = np.zeros(some.level.shape, bool)
     if masks is not None:
-        scale = Scale(0.0, CELL_M, level.shape[1], radar.beam_rad, radar.pulse_m)
+        scale = MaskScale(0.0, CELL_M, level.shape[1], radar.beam_rad, radar.pulse_m)
         mask = mask_of(masks.of("r"), masks.land_deg, tuple(SITE.tolist()), scale)
         masked = mask[(some.azimuth_rad / (2.0 * np.pi) * len(mask)).astype(int)] > 0
     rules = method._detection(radar, some).rules

@@ -11,7 +11,7 @@ import pytest
 from coastwatch.batches import RadarReports, RadarVideo, Videos
 from coastwatch.errors import InputError
 from coastwatch.plots.video import BlobExtraction, ExtractionInput, over_background
-from coastwatch.plots.video.blobs import Scale, layout_of
+from coastwatch.plots.video.blobs import PictureScale, layout_of
 from coastwatch.plots.video.masks import Masks, Sector
 from coastwatch.scenario.sites import Radar, sensors_of
 from coastwatch.server.checkpoint import load, save
@@ -125,7 +125,7 @@ def test_memory_is_a_picture_whatever_the_spokes_and_a_checkpoint_is_small():
 @needs_opencv
 def test_every_pixel_in_range_is_painted_by_a_turn_of_few_spokes():
     memory, _ = plots_of(METHOD, turns(0.99, spokes=200))
-    layout = layout_of(Scale(0.0, CELL_M, CELLS, 100.0), PIXELS)
+    layout = layout_of(PictureScale(0.0, CELL_M, CELLS, 100.0), PIXELS)
     seen = layout.azimuth > np.radians(2.0)  # the first spoke has no spoke before it
     seen &= layout.azimuth < np.radians(354.0)
     assert (memory.pictures[0].picture.ravel()[layout.pixel[seen]] > 0).mean() == 1.0

@@ -6,6 +6,7 @@ import numpy as np
 
 from coastwatch.geodesy import wrap_deg
 from coastwatch.kernels.arrays import Floats, Ints
+from coastwatch.kernels.tables.groups import ranges
 
 SECTORS = 8
 SECTOR_DEG = 360.0 / SECTORS
@@ -37,11 +38,6 @@ def vessels_by_octant(
     order = np.argsort(octant, kind="stable")
     start = np.searchsorted(octant[order], np.arange(SECTORS * sensors + 1))
     return start.astype(np.int64), vessel_row[h[order]], from_middle[h[order], inside[order]]
-
-
-def ranges(first: Ints, count: Ints) -> Ints:
-    """The numbers first[k], first[k] + 1, ... of which there are count[k], of all k one after the other."""
-    return np.asarray(np.arange(count.sum()) + np.repeat(first - (np.cumsum(count) - count), count))
 
 
 def pairs_of_tracks(octant: Ints, from_middle_deg: Floats, vessels: tuple[Ints, Ints, Floats], most: int) -> tuple[Ints, Ints]:
@@ -86,15 +82,3 @@ def tracks_by_octant(bearing_row: Ints, octant: Ints) -> tuple[Ints, Ints]:
     order = np.argsort(octant[first_pair], kind="stable")
     _, start = np.unique(octant[first_pair][order], return_index=True)
     return row[order], np.append(start, len(row)).astype(np.int64)
-
-
-def median_of_groups(group: Ints, value: Floats, groups: int) -> tuple[Ints, Floats]:
-    """How many values each group has, and their median, NaN for none. Args: (A,) 0 to groups - 1, (A,). Returns: (groups,), (groups,)."""
-    order = np.lexsort((value, group))
-    count = np.bincount(group, minlength=groups)
-    median = np.full(groups, np.nan)
-    some = np.flatnonzero(count)
-    first = (np.cumsum(count) - count)[some]
-    middle = value[order[first + (count[some] - 1) // 2]], value[order[first + count[some] // 2]]
-    median[some] = 0.5 * (middle[0] + middle[1])
-    return count, median

@@ -104,7 +104,7 @@ class BlobExtraction(Method):
         # A spoke lights from the end of the one before, at most half a beam, to half a step beyond itself.
         ends = np.maximum.accumulate(np.append(angle[0] if np.isnan(m.lit_to) else m.lit_to, angle + 0.5 * step))
         begin, end = np.maximum(ends[:-1], angle - 0.5 * np.maximum(radar.beam_rad, step)), ends[1:]
-        layout = layout_of(Scale(video.first_m, video.cell_m, video.level.shape[1], radar.blind_m), self.pixels)
+        layout = layout_of(PictureScale(video.first_m, video.cell_m, video.level.shape[1], radar.blind_m), self.pixels)
         picture, time_s = m.picture.copy(), m.time_s.copy()
         site_deg, vessel_m, turn, at, plots = m.site_deg.copy(), m.vessel_m.copy(), m.turn, 0, []
         while True:
@@ -173,7 +173,7 @@ class BlobExtraction(Method):
         return np.array([point.pt for point in found], np.float64).reshape(-1, 2)
 
 
-class Scale(NamedTuple):
+class PictureScale(NamedTuple):
     """The cells of a spoke, and the range within which nothing is looked for."""
 
     first_m: float
@@ -196,7 +196,7 @@ MIDDLES = (np.arange(AZIMUTHS) + 0.5) * TURN_RAD / AZIMUTHS
 
 
 @lru_cache(maxsize=4)
-def layout_of(scale: Scale, pixels: int) -> Layout:
+def layout_of(scale: PictureScale, pixels: int) -> Layout:
     """Where each pixel lies: 16 octets a pixel. The picture reaches as far as the spokes."""
     outer_m = scale.first_m + scale.cells * scale.cell_m
     pixel_m = 2.0 * outer_m / pixels

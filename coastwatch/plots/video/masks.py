@@ -38,7 +38,7 @@ class Masks(Settings):
         return tuple(sector for sector in self.sectors if sector.radar in ("", radar))
 
 
-class Scale(NamedTuple):
+class MaskScale(NamedTuple):
     """The cells of a spoke, and by how much land is grown."""
 
     first_m: float
@@ -49,7 +49,7 @@ class Scale(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def mask_of(sectors: tuple[Sector, ...], land_deg: Rings, site_deg: tuple[float, float], scale: Scale) -> Array:
+def mask_of(sectors: tuple[Sector, ...], land_deg: Rings, site_deg: tuple[float, float], scale: MaskScale) -> Array:
     """255 where nothing is looked for, else 0: (AZIMUTHS, C) uint8. Land is grown by a beam and a pulse.
 
     Args: sectors: of this radar; land_deg: rings of corners, latitude and longitude; site_deg: of the antenna.

@@ -29,7 +29,7 @@ from coastwatch.batches import (
 )
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.row_numbers import require_rows
-from coastwatch.plots.video.masks import Masks, Scale, mask_of
+from coastwatch.plots.video.masks import Masks, MaskScale, mask_of
 
 SECTORS = 128  # of a turn, on the coarse grid of what is learnt
 BLOCK_CELLS = 12  # of a block on it
@@ -302,7 +302,7 @@ def masked(mask_deg: Floats, video: RadarVideo, radar: VideoRadar, masks: Masks)
     """Where the antenna was when the mask was made, and the mask of each spoke, with what did not come. (2,), (S, C)"""
     clipped, sectors = np.zeros(video.level.shape, np.uint8), masks.of(radar.name)
     land_deg = (*radar.land_deg, *masks.land_deg)
-    scale, at = Scale(video.first_m, video.cell_m, video.level.shape[1], radar.beam_rad, radar.pulse_m), 0
+    scale, at = MaskScale(video.first_m, video.cell_m, video.level.shape[1], radar.beam_rad, radar.pulse_m), 0
     while (sectors or land_deg) and at < len(video):
         off_m = np.hypot(*difference_m(video.site_deg[at:], mask_deg).T)
         moved = ~(off_m <= REMASK_M)

@@ -104,7 +104,7 @@ def near_in_bearing(bearing_rad: Floats, half_rad: Floats, sensor: Ints, reports
     nearest = kernels.bearings.candidates.first_of_nearest(middle[many], key, low[many], (high - low)[many], MOST_GATED)
     low[many], high[many] = nearest, nearest + MOST_GATED
     track = np.repeat(np.arange(len(low)), high - low)
-    report = order[kernels.bearings.candidates.ranges(low, high - low)] % max(count, 1)
+    report = order[kernels.tables.groups.ranges(low, high - low)] % max(count, 1)
     track, report = np.divmod(np.unique(track * count + report), max(count, 1))
     return track, report
 

@@ -199,7 +199,7 @@ class Windows:
         near = off <= NEAR_SIGMAS * self.noise_rad[reports.sensor]  # the others may be of another vessel
         row, reports = row[near], reports.take(near)
         between_s = reports.time_s - self.column["updated_s"][row]
-        count, median = kernels.bearings.candidates.median_of_groups(reports.sensor, between_s, len(self.turn_s))
+        count, median = kernels.tables.groups.median_of_groups(reports.sensor, between_s, len(self.turn_s))
         some = np.flatnonzero(count >= FEWEST_TURNED)
         known = self.turn_s[some] > 0.0
         self.turn_s[some] += np.where(known, TURN_GAIN, 1.0) * (median[some] - self.turn_s[some])
@@ -215,7 +215,7 @@ class Windows:
         heard = np.flatnonzero(c["measured_weight"] > 0.0)
         ratio = scatter(Slots.newest(c, heard, self.settings.rate_length), self.sigma_rad)
         known = np.isfinite(ratio)
-        count, median = kernels.bearings.candidates.median_of_groups(c["sensor"][heard[known]], ratio[known], len(self.noise))
+        count, median = kernels.tables.groups.median_of_groups(c["sensor"][heard[known]], ratio[known], len(self.noise))
         some = count > 0
         self.noise[some] += NOISE_GAIN * (np.minimum(median[some], MOST_NOISE) - self.noise[some])
 

@@ -39,7 +39,7 @@ class KnownOrigin(PlotAssociation):
 def associate_by_origin(table: Table, batch: PlotColumns) -> tuple[Ints, Bools]:
     """The slot of the track of the vessel behind each plot, -1 for none, and the first plot of each new vessel. (M,), (M,)"""
     at = kernels.tables.match_ids.index_of(table.origins[table.live, 0], batch.origin)
-    slot = np.where(at >= 0, np.append(table.live, -1)[at], -1)
+    slot = np.append(table.live, -1)[at]
     unknown = np.flatnonzero((slot < 0) & (batch.origin >= 0))
     _, first = np.unique(batch.origin[unknown], return_index=True)
     begins = np.zeros(len(slot), np.bool_)
