@@ -15,6 +15,7 @@ from coastwatch.batches import (
     Floats,
     Ints,
     Sensors,
+    Struct,
     TrackReports,
     Tracks,
     TrackSources,
@@ -65,11 +66,11 @@ class ReceivedTable(Batch):
 
 
 @dataclass(frozen=True, eq=False)
-class Differences:
+class Differences(Struct):
     """Squared differences of tracks without covariance to their AIS partners, the newest last, NaN before the first."""
 
-    position_m2: Floats  # (S, KEPT) of each source, less the variance of AIS
-    velocity_m2_s2: Floats  # (S, KEPT)
+    position_m2: Floats = column(np.float64, "S", KEPT, new=np.nan)  # of each source, less the variance of AIS
+    velocity_m2_s2: Floats = column(np.float64, "S", KEPT, new=np.nan)
 
 
 class _Made(NamedTuple):
@@ -116,9 +117,7 @@ class ReceivedTracks(Method):
 
     def init(self) -> ReceivedMemory:
         none = np.zeros(0, np.int64)
-        return ReceivedMemory(
-            ReceivedTable.empty(), Differences(np.zeros((0, KEPT)), np.zeros((0, KEPT))), 1, none, none.copy()
-        )
+        return ReceivedMemory(ReceivedTable.empty(), Differences.empty(), 1, none, none.copy())
 
     def step(self, memory: ReceivedMemory, given: ReceivedInput) -> tuple[ReceivedMemory, Tracks]:
         """The tracks that are alive, each at the time of its newest state.
@@ -132,7 +131,7 @@ class ReceivedTracks(Method):
             return memory, Tracks.empty()
         before, states, dropped = memory.differences, memory.states, memory.dropped
         if len(states) != len(sources):
-            before = Differences(np.full((len(sources), KEPT), np.nan), np.full((len(sources), KEPT), np.nan))
+            before = Differences.empty(S=len(sources))
             states = dropped = np.zeros(len(sources), np.int64)
         usable = np.isfinite(reports.time_s) & (reports.time_s <= time_s + self.ahead_s)
         newest = _newest(reports.take(usable))
