@@ -119,7 +119,7 @@ def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, di
 def figure_names() -> list[str]:
     """Every figure that `result` may have, as "associations.f1"."""
     decided = Confusion(1, 1, 1, 1)
-    whole = Tally(decided, decided, dark=Dark.over(0), identities=Identities.empty())
+    whole = Tally(decided, decided, dark=Dark.empty(), identities=Identities.empty())
     stages = _figures(whole, Errors(), Errors())
     return [f"{stage}.{name}" for stage, figures in stages.items() for name in figures]
 
