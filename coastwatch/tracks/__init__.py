@@ -11,7 +11,7 @@ from pydantic import Field
 from coastwatch.tracks.ais.ais_filter import AisFilter
 from coastwatch.tracks.ais.antenna import Antennas, HullMiddle
 from coastwatch.tracks.ais.dead_reckoning import AisDeadReckoning
-from coastwatch.tracks.ais.out_of_sequence import Memory as AisMemory
+from coastwatch.tracks.ais.out_of_sequence import AisMemory
 from coastwatch.tracks.alignment import ConstantVelocity
 from coastwatch.tracks.bearing import BearingMemory, BearingWindow
 from coastwatch.tracks.inputs import AisInput, AisOutput, BearingInput, ReceivedInput

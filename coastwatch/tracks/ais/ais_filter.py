@@ -14,8 +14,8 @@ from coastwatch.geodesy import KNOT_M_S
 from coastwatch.stage import Method, NotNegative, Positive, Settings
 from coastwatch.tracks.ais.out_of_sequence import (
     SLOTS,
+    AisMemory,
     KernelSettings,
-    Memory,
     Rows,
     admit,
     end_cycle,
@@ -97,10 +97,10 @@ class AisFilter(Method):
             raise ValueError(f"return_s: got {self.return_s}, needed more than twice lateness_s ({self.lateness_s})")
         return self
 
-    def init(self) -> Memory:
+    def init(self) -> AisMemory:
         return initial_memory()
 
-    def step(self, memory: Memory, given: AisInput) -> tuple[Memory, AisOutput]:
+    def step(self, memory: AisMemory, given: AisInput) -> tuple[AisMemory, AisOutput]:
         """The memory after a cycle, and tracks with alarms. Raises: ValueError: the time is not after that of the cycle before."""
         time_s = given.time_s
         settings = self.kernel_settings()
@@ -110,7 +110,9 @@ class AisFilter(Method):
         tracks, alarms = report(known, live, time_s, given.sensors.ais_source, *estimate)
         return memory, AisOutput(tracks, alarms, measurements_of(fresh, tracks, settings.rules))
 
-    def update(self, memory: Memory, reports: AisReports, time_s: float, settings: KernelSettings) -> tuple[Memory, Ints, Rows]:
+    def update(
+        self, memory: AisMemory, reports: AisReports, time_s: float, settings: KernelSettings
+    ) -> tuple[AisMemory, Ints, Rows]:
         """The memory after these reports, the rows of `memory.now.tracks` that are not lost at `time_s`, the reports in time.
 
         Those are the admitted ones that are at most `lateness_s` late.

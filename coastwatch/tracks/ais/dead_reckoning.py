@@ -10,7 +10,7 @@ from coastwatch.batches import Floats, Ints
 from coastwatch.geodesy import offset_deg
 from coastwatch.stage import Method, NotNegative, Positive
 from coastwatch.tracks.ais.ais_filter import STEADY, AisFilter, measurements_of, report
-from coastwatch.tracks.ais.out_of_sequence import Memory, Rows, initial_memory
+from coastwatch.tracks.ais.out_of_sequence import AisMemory, Rows, initial_memory
 from coastwatch.tracks.inputs import AisInput, AisOutput
 
 
@@ -33,10 +33,10 @@ class AisDeadReckoning(Method):
     patience_s: Positive = 20.0  # a silent vessel is extrapolated for this time
     patience_intervals: Positive = 3.0  # and for this many of its expected intervals more
 
-    def init(self) -> Memory:
+    def init(self) -> AisMemory:
         return initial_memory()
 
-    def step(self, memory: Memory, given: AisInput) -> tuple[Memory, AisOutput]:
+    def step(self, memory: AisMemory, given: AisInput) -> tuple[AisMemory, AisOutput]:
         """The memory after a cycle, and tracks with alarms. Raises: ValueError: the time is not after that of the cycle before."""
         time_s = given.time_s
         same = {name: getattr(self, name) for name in ("position_sigma_m", "lateness_s", "patience_s", "patience_intervals")}

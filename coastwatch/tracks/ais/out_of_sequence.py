@@ -78,7 +78,7 @@ class Delays(Batch):
 
 
 @dataclass(frozen=True, eq=False)
-class Memory:
+class AisMemory:
     """The tracks of all vessels, with the snapshots and the log that a replay of late reports needs."""
 
     now: Snapshot
@@ -93,11 +93,13 @@ class Memory:
     delays: Delays = Delays.empty()
 
 
-def initial_memory() -> Memory:
+def initial_memory() -> AisMemory:
     """The memory before the first cycle."""
 
     nothing = Snapshot(-np.inf, np.zeros(0, kernels.filters.ais_records.TRACK))
-    return Memory(nothing, nothing, nothing, (), (), np.zeros(0, kernels.filters.ais_records.REPORT), 0, {}, FeedClocks.empty())
+    return AisMemory(
+        nothing, nothing, nothing, (), (), np.zeros(0, kernels.filters.ais_records.REPORT), 0, {}, FeedClocks.empty()
+    )
 
 
 def in_order(reports: Rows) -> Ints:
@@ -143,14 +145,14 @@ def records(reports: AisReports, settings: KernelSettings, jitter_s: Floats) -> 
 
 
 def admit(
-    memory: Memory,
+    memory: AisMemory,
     reports: AisReports,
     time_s: float,
     lateness_s: float,
     oldest_s: float,
     ahead_s: float,
     settings: KernelSettings,
-) -> tuple[Rows, Memory]:
+) -> tuple[Rows, AisMemory]:
     """Admit reports. Args: lateness_s: largest delay of any; oldest_s: of one that is the newest of its vessel.
 
     Returns: those to take now, sorted by `in_order`; the memory with the others held, or counted as refused.
@@ -199,7 +201,7 @@ def _repeats(rows: Rows) -> Bools:
     return np.append(False, same)[: len(rows)]
 
 
-def _is_duplicate(memory: Memory, rows: Rows) -> Bools:
+def _is_duplicate(memory: AisMemory, rows: Rows) -> Bools:
     """Which reports, sorted by `in_order`, are duplicates of the log or of each other."""
     again = _repeats(rows)
     back = np.flatnonzero(rows["time"] <= _newest_report_s(memory.now.tracks, rows["mmsi"]))
@@ -219,7 +221,7 @@ def _newest_report_s(tracks: Rows, mmsi: Ints) -> Floats:
     return out
 
 
-def _logged(memory: Memory, mmsi: Ints) -> Rows:
+def _logged(memory: AisMemory, mmsi: Ints) -> Rows:
     """Reports of these vessels in the log since the old snapshot."""
     parts = [entry[(find(mmsi, entry["mmsi"]) >= 0) & (entry["time"] > memory.old.time_s)] for entry in memory.log]
     return np.concatenate([memory.held[:0], *parts])
@@ -282,7 +284,7 @@ def _merge(first: Rows, second: Rows) -> Rows:
     return out
 
 
-def update_tracks(memory: Memory, fresh: Rows, settings: KernelSettings) -> tuple[Memory, Rows]:
+def update_tracks(memory: AisMemory, fresh: Rows, settings: KernelSettings) -> tuple[AisMemory, Rows]:
     """Update tracks by the admitted reports. Vessels with a late report are replayed; the others are updated in order.
 
     Returns: the memory; the reports, without the velocities that were not believed.
@@ -307,7 +309,7 @@ def update_tracks(memory: Memory, fresh: Rows, settings: KernelSettings) -> tupl
 
 
 def _replay(
-    memory: Memory, mmsi: Ints, fresh: Rows, settings: KernelSettings, refused: dict[str, int]
+    memory: AisMemory, mmsi: Ints, fresh: Rows, settings: KernelSettings, refused: dict[str, int]
 ) -> tuple[Snapshot, Snapshot, Rows]:
     """Replay vessels with their late reports in order. Returns: the old and recent snapshot, their tracks. Counts into `refused`."""
     old, very_late = memory.old, fresh["time"] <= memory.old.time_s
@@ -347,7 +349,7 @@ def _with_former_numbers(former: Rows, rows: Rows, mmsi: Ints) -> Rows:
     return rows
 
 
-def end_cycle(memory: Memory, fresh: Rows, tracks: Rows, counter: int, time_s: float, lateness_s: float) -> Memory:
+def end_cycle(memory: AisMemory, fresh: Rows, tracks: Rows, counter: int, time_s: float, lateness_s: float) -> AisMemory:
     """The memory at the end of a cycle: snapshots advance where the lateness allows, and the log is cut to what they need."""
     now, recent, old = Snapshot(time_s, tracks), memory.recent, memory.old
     if recent.time_s <= time_s - lateness_s:
