@@ -4,23 +4,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from coastwatch.cover.disc import DiscCover
-from coastwatch.cover.inputs import CoverInput, CoverOutput, SilenceInput
-from coastwatch.cover.learnt import CoverMemory, LearntCover
-from coastwatch.cover.silence import SilenceMemory, UsualPauses
+from coastwatch.cover.disc import DiscCover as DiscCover
+from coastwatch.cover.inputs import CoverInput as CoverInput, CoverOutput as CoverOutput, SilenceInput as SilenceInput
+from coastwatch.cover.learnt import CoverMemory, LearntCover as LearntCover
+from coastwatch.cover.silence import SilenceMemory as SilenceMemory, UsualPauses as UsualPauses
 from coastwatch.stage import NoMemory
 
 RadarCoverage = Annotated[LearntCover | DiscCover, Field(discriminator="method")]
 RadarCoverageMemory = CoverMemory | NoMemory
-
-__all__ = [
-    "CoverInput",
-    "CoverOutput",
-    "DiscCover",
-    "LearntCover",
-    "RadarCoverage",
-    "RadarCoverageMemory",
-    "SilenceInput",
-    "SilenceMemory",
-    "UsualPauses",
-]

@@ -16,8 +16,7 @@ from coastwatch.operators.columns import digits_of, rounded
 from coastwatch.operators.typed import Box
 from coastwatch.spelling import utc_text
 from coastwatch.store import QueryLimit, Rows, Store, Table
-from coastwatch.store.runs import ENDLESS
-from coastwatch.store.runs import Run as Run
+from coastwatch.store.runs import ENDLESS, Run as Run
 
 MAIN_COLUMNS = (
     "vessel_id", "mmsi", "name", "nav_status", "latitude_deg", "longitude_deg", "sog_kn", "cog_deg", "major_m", "updated_utc",

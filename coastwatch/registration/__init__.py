@@ -4,12 +4,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from coastwatch.registration.inputs import RegistrationInput
-from coastwatch.registration.none import NoRegistration
-from coastwatch.registration.online import OnlineMemory, OnlineRegistration
+from coastwatch.registration.inputs import RegistrationInput as RegistrationInput
+from coastwatch.registration.none import NoRegistration as NoRegistration
+from coastwatch.registration.online import OnlineMemory, OnlineRegistration as OnlineRegistration
 from coastwatch.stage import NoMemory
 
 Registrar = Annotated[OnlineRegistration | NoRegistration, Field(discriminator="method")]
 RegistrationMemory = OnlineMemory | NoMemory
-
-__all__ = ["NoRegistration", "OnlineRegistration", "Registrar", "RegistrationInput", "RegistrationMemory"]

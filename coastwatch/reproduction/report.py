@@ -8,8 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from coastwatch.reproduction import html_report
-from coastwatch.reproduction.figures import Made, orders
-from coastwatch.reproduction.figures import lines as lines_of
+from coastwatch.reproduction.figures import Made, lines as lines_of, orders
 from coastwatch.reproduction.finished_runs import FinishedRuns, code
 from coastwatch.reproduction.json_report import Folder, Reproduction, as_object
 from coastwatch.reproduction.planning import Wanted

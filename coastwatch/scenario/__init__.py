@@ -1,21 +1,17 @@
 """One TOML file to one frozen, validated Scenario."""
 
-from coastwatch.scenario.model import Scenario, StoreSettings, WorkerSettings
-from coastwatch.scenario.reading import ScenarioError, load_scenario, make_scenario, scenario_names
-from coastwatch.scenario.sites import Area, Radar, Sonar, Station, TrackSource, refuse_shared_names
-
-__all__ = [
-    "Area",
-    "Radar",
-    "Scenario",
-    "ScenarioError",
-    "Sonar",
-    "Station",
-    "StoreSettings",
-    "TrackSource",
-    "WorkerSettings",
-    "load_scenario",
-    "make_scenario",
-    "refuse_shared_names",
-    "scenario_names",
-]
+from coastwatch.scenario.model import Scenario as Scenario, StoreSettings as StoreSettings, WorkerSettings as WorkerSettings
+from coastwatch.scenario.reading import (
+    ScenarioError as ScenarioError,
+    load_scenario as load_scenario,
+    make_scenario as make_scenario,
+    scenario_names as scenario_names,
+)
+from coastwatch.scenario.sites import (
+    Area as Area,
+    Radar as Radar,
+    Sonar as Sonar,
+    Station as Station,
+    TrackSource as TrackSource,
+    refuse_shared_names as refuse_shared_names,
+)

@@ -1,5 +1,3 @@
 """Scores: the output of the stages against the truth."""
 
-from coastwatch.scores.tally import Tally, add, figure_names, result
-
-__all__ = ["Tally", "add", "figure_names", "result"]
+from coastwatch.scores.tally import Tally as Tally, add as add, figure_names as figure_names, result as result

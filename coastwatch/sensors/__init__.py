@@ -4,17 +4,17 @@ from typing import Annotated
 
 from pydantic import Field
 
-from coastwatch.sensors.live_feeds import NO_INPUT, LiveFeeds
-from coastwatch.sensors.recorded.datasets.autoferry import Autoferry
-from coastwatch.sensors.recorded.datasets.solent import Solent
-from coastwatch.sensors.recorded.nmea.feed import Nmea
-from coastwatch.sensors.recorded.tables.ais import AisTable
-from coastwatch.sensors.recorded.tables.feed import Tables
-from coastwatch.sensors.recorded.video.feed import VideoFiles
-from coastwatch.sensors.simulated.crossing import Crossing
-from coastwatch.sensors.simulated.simulation import Simulated
-from coastwatch.sensors.simulated.start_states import StartStates
-from coastwatch.sensors.simulated.video import SimulatedVideo
+from coastwatch.sensors.live_feeds import NO_INPUT as NO_INPUT, LiveFeeds as LiveFeeds
+from coastwatch.sensors.recorded.datasets.autoferry import Autoferry as Autoferry
+from coastwatch.sensors.recorded.datasets.solent import Solent as Solent
+from coastwatch.sensors.recorded.nmea.feed import Nmea as Nmea
+from coastwatch.sensors.recorded.tables.ais import AisTable as AisTable
+from coastwatch.sensors.recorded.tables.feed import Tables as Tables
+from coastwatch.sensors.recorded.video.feed import VideoFiles as VideoFiles
+from coastwatch.sensors.simulated.crossing import Crossing as Crossing
+from coastwatch.sensors.simulated.simulation import Simulated as Simulated
+from coastwatch.sensors.simulated.start_states import StartStates as StartStates
+from coastwatch.sensors.simulated.video import SimulatedVideo as SimulatedVideo
 
 Feed = Annotated[
     Simulated
@@ -37,22 +37,3 @@ SIMULATIONS = (Simulated, Crossing, StartStates, SimulatedVideo)
 def has_video(feed: Feed) -> bool:
     """Whether there may be radar video in the reports of a feed."""
     return isinstance(feed, SimulatedVideo | VideoFiles) or (isinstance(feed, Tables) and feed.has_video())
-
-
-__all__ = [
-    "NO_INPUT",
-    "SIMULATIONS",
-    "AisTable",
-    "Autoferry",
-    "Crossing",
-    "Feed",
-    "LiveFeeds",
-    "Nmea",
-    "Simulated",
-    "SimulatedVideo",
-    "Solent",
-    "StartStates",
-    "Tables",
-    "VideoFiles",
-    "has_video",
-]

@@ -4,11 +4,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from coastwatch.spots.inputs import OctantInput
-from coastwatch.spots.kmeans import KMeansMemory, KMeansSpots
-from coastwatch.spots.octants import OctantSpots
+from coastwatch.spots.inputs import OctantInput as OctantInput
+from coastwatch.spots.kmeans import KMeansMemory as KMeansMemory, KMeansSpots as KMeansSpots
+from coastwatch.spots.octants import OctantSpots as OctantSpots
 
 SpotGrouper = Annotated[KMeansSpots, Field()]
 OctantGrouper = Annotated[OctantSpots, Field()]
-
-__all__ = ["KMeansMemory", "KMeansSpots", "OctantGrouper", "OctantInput", "OctantSpots", "SpotGrouper"]

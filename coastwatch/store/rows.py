@@ -22,6 +22,7 @@ from sqlalchemy import (
     LargeBinary,
     SelectBase,
     String,
+    Table as SqlTable,
     Update,
     bindparam,
     delete,
@@ -29,7 +30,6 @@ from sqlalchemy import (
     select,
     update,
 )
-from sqlalchemy import Table as SqlTable
 
 from coastwatch.batches import Array, Floats, Ints
 from coastwatch.geodesy import KNOT_M_S

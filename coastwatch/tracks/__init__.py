@@ -8,23 +8,28 @@ from typing import Annotated
 
 from pydantic import Field
 
-from coastwatch.tracks.ais.ais_filter import AisFilter
-from coastwatch.tracks.ais.antenna import Antennas, HullMiddle
-from coastwatch.tracks.ais.dead_reckoning import AisDeadReckoning
-from coastwatch.tracks.ais.out_of_sequence import AisMemory
-from coastwatch.tracks.alignment import ConstantVelocity
-from coastwatch.tracks.bearing import BearingMemory, BearingWindow
-from coastwatch.tracks.inputs import AisInput, AisOutput, BearingInput, ReceivedInput
-from coastwatch.tracks.radar.imm_jpda_literal.memory import ImmJpdaMemory
-from coastwatch.tracks.radar.imm_jpda_literal.tracker import ImmJpdaLiteral
-from coastwatch.tracks.radar.multi_hypothesis_literal.forest import ForestMemory
-from coastwatch.tracks.radar.multi_hypothesis_literal.tracker import MultiHypothesisLiteral
-from coastwatch.tracks.radar.region import RegionInput, RegionOutput
-from coastwatch.tracks.radar.repulsive_particles.memory import ParticlesMemory
-from coastwatch.tracks.radar.repulsive_particles.tracker import RepulsiveParticles
-from coastwatch.tracks.radar.table import RadarMemory
-from coastwatch.tracks.radar.tracker import TableTracker
-from coastwatch.tracks.received import ReceivedMemory, ReceivedTracks
+from coastwatch.tracks.ais.ais_filter import AisFilter as AisFilter
+from coastwatch.tracks.ais.antenna import Antennas as Antennas, HullMiddle as HullMiddle
+from coastwatch.tracks.ais.dead_reckoning import AisDeadReckoning as AisDeadReckoning
+from coastwatch.tracks.ais.out_of_sequence import AisMemory as AisMemory
+from coastwatch.tracks.alignment import ConstantVelocity as ConstantVelocity
+from coastwatch.tracks.bearing import BearingMemory as BearingMemory, BearingWindow as BearingWindow
+from coastwatch.tracks.inputs import (
+    AisInput as AisInput,
+    AisOutput as AisOutput,
+    BearingInput as BearingInput,
+    ReceivedInput as ReceivedInput,
+)
+from coastwatch.tracks.radar.imm_jpda_literal.memory import ImmJpdaMemory as ImmJpdaMemory
+from coastwatch.tracks.radar.imm_jpda_literal.tracker import ImmJpdaLiteral as ImmJpdaLiteral
+from coastwatch.tracks.radar.multi_hypothesis_literal.forest import ForestMemory as ForestMemory
+from coastwatch.tracks.radar.multi_hypothesis_literal.tracker import MultiHypothesisLiteral as MultiHypothesisLiteral
+from coastwatch.tracks.radar.region import RegionInput as RegionInput, RegionOutput as RegionOutput
+from coastwatch.tracks.radar.repulsive_particles.memory import ParticlesMemory as ParticlesMemory
+from coastwatch.tracks.radar.repulsive_particles.tracker import RepulsiveParticles as RepulsiveParticles
+from coastwatch.tracks.radar.table import RadarMemory as RadarMemory
+from coastwatch.tracks.radar.tracker import TableTracker as TableTracker
+from coastwatch.tracks.received import ReceivedMemory as ReceivedMemory, ReceivedTracks as ReceivedTracks
 
 RadarTracker = Annotated[
     TableTracker | ImmJpdaLiteral | RepulsiveParticles | MultiHypothesisLiteral, Field(discriminator="method")
@@ -34,36 +39,3 @@ AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method
 BearingTracker = Annotated[BearingWindow, Field()]
 TrackAligner = Annotated[ConstantVelocity, Field()]
 TrackReceiver = Annotated[ReceivedTracks, Field()]
-
-__all__ = [
-    "AisDeadReckoning",
-    "AisFilter",
-    "AisInput",
-    "AisMemory",
-    "AisOutput",
-    "AisPositions",
-    "AisTracker",
-    "Antennas",
-    "BearingInput",
-    "BearingMemory",
-    "BearingTracker",
-    "BearingWindow",
-    "ConstantVelocity",
-    "ForestMemory",
-    "HullMiddle",
-    "ImmJpdaLiteral",
-    "ImmJpdaMemory",
-    "MultiHypothesisLiteral",
-    "ParticlesMemory",
-    "RadarMemory",
-    "RadarTracker",
-    "ReceivedInput",
-    "ReceivedMemory",
-    "ReceivedTracks",
-    "RegionInput",
-    "RegionOutput",
-    "RepulsiveParticles",
-    "TableTracker",
-    "TrackAligner",
-    "TrackReceiver",
-]

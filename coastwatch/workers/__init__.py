@@ -10,9 +10,7 @@ from typing import NamedTuple
 from coastwatch.kernels.threads import over_threads, threads
 from coastwatch.stage import In, Map, Mem, Out, RegionMap, RegionStep, serial
 from coastwatch.workers.malloc import keep_freed_memory
-from coastwatch.workers.processors import processors
-
-__all__ = ["ThreadedRegions", "Workers", "open_workers", "processors"]
+from coastwatch.workers.processors import processors as processors
 
 
 class ThreadedRegions:

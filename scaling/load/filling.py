@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from sqlalchemy import Connection
-from sqlalchemy import insert as insert_one
+from sqlalchemy import Connection, insert as insert_one
 
 from coastwatch import store
 from coastwatch.batches import Array, Floats, Ints, Picture

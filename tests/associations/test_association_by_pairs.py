@@ -5,8 +5,7 @@ import copy
 import numpy as np
 import pytest
 from association_by_pairs import Rules, earth_centred, step
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from coastwatch.associations import AssociationInput, WindowedCovariance, pairing, step_with_candidates
 from coastwatch.associations.pairing import gated

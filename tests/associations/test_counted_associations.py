@@ -8,12 +8,18 @@ import numpy as np
 import pytest
 from counting_textbook import count, one_to_one
 from pydantic import ValidationError
-from test_associations import crowd as water
-from test_associations import f1, pair_of, run
+from test_associations import crowd as water, f1, pair_of, run
 from two_filters_textbook import motion, update
 
-from coastwatch.associations import AssociationInput, CountedTest, Counting, SingleScanTest, TwoCountings, WindowedCovariance
-from coastwatch.associations import TestThenCounting as BegunByTest  # pytest takes a name with Test for a test
+from coastwatch.associations import (
+    AssociationInput,
+    CountedTest,
+    Counting,
+    SingleScanTest,
+    TestThenCounting as BegunByTest,  # pytest takes a name with Test for a test
+    TwoCountings,
+    WindowedCovariance,
+)
 from coastwatch.batches import Spots, Tracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.fusion import cross_covariance

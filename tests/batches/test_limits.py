@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from coastwatch.batches import RadarReports, Recording, Reports, TrackReports, limits
 from coastwatch.cycle import dropped, run_cycle, start_run

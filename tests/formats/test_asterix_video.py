@@ -9,14 +9,12 @@ import zlib
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from video_world import START_S, sensors
 
 from coastwatch.formats.asterix.video import VideoMessage, VideoText, decode, encode
 from coastwatch.formats.asterix.video_feed import ABSURD_RANGE, VIDEO
-from coastwatch.formats.decoding import FeedSettings
-from coastwatch.formats.decoding import decode as decode_feed
+from coastwatch.formats.decoding import FeedSettings, decode as decode_feed
 
 pytestmark = pytest.mark.contract
 

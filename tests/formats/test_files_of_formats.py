@@ -14,8 +14,7 @@ from typing import Any
 import dpkt
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from coastwatch.batches import (
     AisReports,

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 from nmea_sentences import ASSUMED, SOUND, T0, checked, read, read_all, sentence, tagged, wire, write
 
 from coastwatch.sensors.recorded.nmea.feed import Nmea

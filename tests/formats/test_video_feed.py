@@ -7,8 +7,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from video_world import CELLS, DURATION_FS, PERIOD_S, SPOKES, START_S, arrivals, messages, sensors
 
 from coastwatch.batches import RadarVideo, Reports, Videos

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from as_bytes import as_bytes
 from central_by_vessels import ByVessels
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from coastwatch.batches import Associations, Measurements, Tracks
 from coastwatch.fused_tracks import CentralImm, FusionInput

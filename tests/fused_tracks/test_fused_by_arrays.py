@@ -5,8 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from fused_by_arrays import Filtered, average, convex, intersection
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from coastwatch.batches import Associations, Measurements, Tracks
 from coastwatch.fused_tracks import Convex, CovarianceIntersection, FusionInput, ImmOfTracks, WeightedAverage

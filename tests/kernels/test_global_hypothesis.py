@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from global_hypothesis_textbook import by_milp
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from hypothesis_clusters import forest, meeting
 
 from coastwatch.kernels.association.global_hypothesis import choose

@@ -6,8 +6,7 @@ import imm_textbook as textbook
 import numpy as np
 import pytest
 from filterpy.kalman import IMMEstimator, KalmanFilter
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from coastwatch.kernels.filters import motion_models
 from coastwatch.kernels.filters.imm import FLOOR, estimate_filters, predict_filters, update_filters

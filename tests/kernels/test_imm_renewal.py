@@ -6,8 +6,7 @@ import imm_textbook as textbook
 import numpy as np
 import pytest
 import renewal_textbook as renewed
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from coastwatch.kernels.filters import motion_models
 from coastwatch.kernels.filters.gaussian import Estimates

@@ -5,8 +5,7 @@ from __future__ import annotations
 import joint_update_textbook as textbook
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from coastwatch.kernels.filters import motion_models
 from coastwatch.kernels.filters.gaussian import Estimates

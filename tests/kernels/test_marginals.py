@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from marginals_textbook import by_enumeration, by_sum_product
 
 from coastwatch.kernels.association.marginals import marginals, sum_product, taken

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from coastwatch.kernels.tables.counting_sort import counting_sort, preferred
 from coastwatch.kernels.tables.match_ids import LOOK_AHEAD, index_of, match_ids

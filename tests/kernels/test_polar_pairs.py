@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from coastwatch.geodesy import from_plane, offset_deg, to_plane, turn, wrap_rad
 from coastwatch.kernels.association.polar_pairs import differences, near_pairs, sweeps

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from coastwatch.geodesy import SEMI_MAJOR_M, axes, earth_centred, offset_deg, within_any
 from coastwatch.kernels.geometry.sensor_coverage import SLACK_M, coverage_of, in_any_range, pairs_in_range

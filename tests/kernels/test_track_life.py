@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from tracker_world import columns_of, estimates_of
 
 from coastwatch.kernels.tracks.columns import CONFIRMED, SINGLE, RadarColumns, TrackLife

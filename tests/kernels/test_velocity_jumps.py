@@ -6,8 +6,7 @@ import imm_textbook
 import numpy as np
 import pytest
 import velocity_jumps_textbook as jumps_textbook
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from coastwatch.kernels.filters import motion_models
 from coastwatch.kernels.filters.fused_filters import Alternatives, TimedMeasurements, estimate, update

@@ -5,8 +5,7 @@ import pytest
 from ais_world import START_S, run, sail
 from checkpoint_world import is_checked
 from test_picture import AIS, OTHER_RADAR, PERIOD_S, RADAR, cycle_of, play, sensors
-from test_picture_by_sorting import PATIENT, SHORT, Sea
-from test_picture_by_sorting import sensors as sensors_of
+from test_picture_by_sorting import PATIENT, SHORT, Sea, sensors as sensors_of
 
 from coastwatch.batches import AisAlarms, Flag, NavStatus
 from coastwatch.geodesy import offset_deg

@@ -4,8 +4,7 @@ import numpy as np
 import picture_by_sorting
 import pytest
 from checkpoint_world import is_checked
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from coastwatch.batches import AisAlarms, Associations, Flag, FusedTracks, Radars, Sensors, Sonars, Stations, Tracks
 from coastwatch.geodesy import offset_deg

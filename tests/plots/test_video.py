@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import video_textbook
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from coastwatch.batches import RadarReports, RadarVideo, Videos
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg

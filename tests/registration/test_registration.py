@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import registration_world as world
 from pydantic import TypeAdapter
-from radar_world import plots_of, two_radars
-from radar_world import world as ships
+from radar_world import plots_of, two_radars, world as ships
 from scipy.stats import chi2
 
 from coastwatch.batches import HullOffsets, Plots, RadarCorrections, RegistrationState, Tracks

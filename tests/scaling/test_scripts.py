@@ -16,8 +16,7 @@ from scaling.load import cycle, queries, ramp, soak
 from scaling.peers import ours
 from scaling.peers.environment import peers, pins
 from scaling.peers.exchange import Stopwatch
-from scaling.peers.filterpy import adapter as filterpy
-from scaling.peers.filterpy import method
+from scaling.peers.filterpy import adapter as filterpy, method
 from scaling.peers.input import make_history
 from scaling.peers.plots import make_plots
 from scaling.peers.quality import quality, track_figures

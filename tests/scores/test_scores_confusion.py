@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scores_world import AIS, KINDS, OTHER_RADAR, RADAR, bearing_tracks, ints, joined, picture, tracks
 
 from coastwatch.batches import BearingAssociations

@@ -13,8 +13,7 @@ from unittest import mock
 import numpy as np
 import polars
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from nmea_sentences import T0, checked, sentence, tagged, wire
 from spans import span_of
 

@@ -10,8 +10,7 @@ from tempfile import TemporaryDirectory
 from unittest import mock
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from coastwatch.server.feeds import transport
 from coastwatch.server.feeds.address import parsed

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import store_world as world
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 from sqlalchemy import text
 
 from coastwatch import store as kept

@@ -15,8 +15,7 @@ from sqlalchemy import BigInteger, Boolean, Column, Float, LargeBinary, MetaData
 from coastwatch import store as kept
 from coastwatch.errors import StoreError
 from coastwatch.store import rows as rows_in
-from coastwatch.store.rows import Categorical, NullableId, delete_rows, insert, update_rows
-from coastwatch.store.rows import Column as Cells
+from coastwatch.store.rows import Categorical, Column as Cells, NullableId, delete_rows, insert, update_rows
 from coastwatch.store.schema.database import connect, reading, writing
 from coastwatch.store.schema.tables import MEMBER
 

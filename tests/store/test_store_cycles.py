@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import store_world as world
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from sqlalchemy import text
 
 from coastwatch import store as kept

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from ais_world import HOME, SENSORS, START_S, fleet, reports, run, sail, same
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from pydantic import TypeAdapter
 
 from coastwatch.batches import AisReports

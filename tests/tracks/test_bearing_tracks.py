@@ -7,8 +7,7 @@ from dataclasses import replace
 import bearing_world as bw
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from pydantic import ValidationError
 
 from coastwatch import kernels

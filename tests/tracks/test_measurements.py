@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from ais_world import HOME, PERIOD_S, SENSORS, START_S, reports, sail
-from radar_world import cut, plots_of, two_radars, world
-from radar_world import run as run_radar
+from radar_world import cut, plots_of, run as run_radar, two_radars, world
 
 from coastwatch.batches import AisReports
 from coastwatch.geodesy import offset_deg, to_plane

@@ -10,8 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from coastwatch.batches import TrackReports, Tracks
 from coastwatch.batches.plain_data import TreeError, classes_in, from_tree, to_tree

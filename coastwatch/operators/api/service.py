@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
-from concurrent.futures import TimeoutError as NotDoneYet
+from concurrent.futures import Future, TimeoutError as NotDoneYet
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from sqlalchemy import ColumnElement, Connection, Executable, Select, and_, func, or_, select
-from sqlalchemy import Table as SqlTable
+from sqlalchemy import ColumnElement, Connection, Executable, Select, Table as SqlTable, and_, func, or_, select
 
 from coastwatch.batches import Array, Floats, Ints
 from coastwatch.errors import StoreError

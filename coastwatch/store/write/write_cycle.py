@@ -9,8 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-from sqlalchemy import Connection, Table, delete, select, update
-from sqlalchemy import insert as insert_one
+from sqlalchemy import Connection, Table, delete, insert as insert_one, select, update
 
 from coastwatch.batches import AisStatics, EventChanges, Floats, Ints, Picture, Reports
 from coastwatch.errors import StoreError

@@ -53,8 +53,7 @@ from coastwatch.sensors.recorded.tables.rows import (
     to_both_sides,
 )
 from coastwatch.sensors.recorded.tables.tracks import TrackColumns, track_reports
-from coastwatch.sensors.recorded.video.feed import FORMAT as VIDEO
-from coastwatch.sensors.recorded.video.feed import VideoFileStream
+from coastwatch.sensors.recorded.video.feed import FORMAT as VIDEO, VideoFileStream
 from coastwatch.sensors.recorded.video.haxr import HaxrFile
 from coastwatch.sensors.recorded.video.pictures import Pictures
 from coastwatch.sensors.recorded.wire.stream import WireFile, WireStream, wire_file

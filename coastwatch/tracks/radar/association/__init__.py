@@ -7,22 +7,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from coastwatch.tracks.radar.association.jipda import Jipda, JipdaLiteral
-from coastwatch.tracks.radar.association.jpda import Jpda
-from coastwatch.tracks.radar.association.known_origin import KnownOrigin
-from coastwatch.tracks.radar.association.nearest_neighbour import NearestNeighbour
-from coastwatch.tracks.radar.multi_hypothesis import MultiHypothesis
+from coastwatch.tracks.radar.association.jipda import Jipda as Jipda, JipdaLiteral as JipdaLiteral
+from coastwatch.tracks.radar.association.jpda import Jpda as Jpda
+from coastwatch.tracks.radar.association.known_origin import KnownOrigin as KnownOrigin
+from coastwatch.tracks.radar.association.nearest_neighbour import NearestNeighbour as NearestNeighbour
+from coastwatch.tracks.radar.multi_hypothesis import MultiHypothesis as MultiHypothesis
 
 AnyAssociation = NearestNeighbour | KnownOrigin | Jpda | Jipda | JipdaLiteral | MultiHypothesis
 Association = Annotated[AnyAssociation, Field(discriminator="method")]
-
-__all__ = [
-    "AnyAssociation",
-    "Association",
-    "Jipda",
-    "JipdaLiteral",
-    "Jpda",
-    "KnownOrigin",
-    "MultiHypothesis",
-    "NearestNeighbour",
-]

@@ -4,9 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from coastwatch.tracks.radar.life.existence import Detection, ExistenceManagement
-from coastwatch.tracks.radar.life.hits import TrackManagement
+from coastwatch.tracks.radar.life.existence import Detection as Detection, ExistenceManagement as ExistenceManagement
+from coastwatch.tracks.radar.life.hits import TrackManagement as TrackManagement
 
 Upkeep = Annotated[TrackManagement | ExistenceManagement, Field(discriminator="method")]
-
-__all__ = ["Detection", "ExistenceManagement", "TrackManagement", "Upkeep"]

@@ -8,13 +8,13 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from coastwatch.stage import Settings
-from coastwatch.tracks.radar.messages.guiding import Guiding
-from coastwatch.tracks.radar.messages.noisy_batch import NoisyBatch
-from coastwatch.tracks.radar.messages.precise_batch import PreciseBatch
-from coastwatch.tracks.radar.messages.sequential import Sequential
-from coastwatch.tracks.radar.messages.settings import in_order, messages_of
-from coastwatch.tracks.radar.messages.trust import leave, trusted
-from coastwatch.tracks.radar.messages.weighing import begin_unnamed
+from coastwatch.tracks.radar.messages.guiding import Guiding as Guiding
+from coastwatch.tracks.radar.messages.noisy_batch import NoisyBatch as NoisyBatch
+from coastwatch.tracks.radar.messages.precise_batch import PreciseBatch as PreciseBatch
+from coastwatch.tracks.radar.messages.sequential import Sequential as Sequential
+from coastwatch.tracks.radar.messages.settings import in_order as in_order, messages_of as messages_of
+from coastwatch.tracks.radar.messages.trust import leave as leave, trusted as trusted
+from coastwatch.tracks.radar.messages.weighing import begin_unnamed as begin_unnamed
 
 
 class NoMessages(Settings):
@@ -25,18 +25,3 @@ class NoMessages(Settings):
 
 WithMessages = Guiding | Sequential | PreciseBatch | NoisyBatch
 MessageUpdate = Annotated[NoMessages | WithMessages, Field(discriminator="method")]
-
-__all__ = [
-    "Guiding",
-    "MessageUpdate",
-    "NoMessages",
-    "NoisyBatch",
-    "PreciseBatch",
-    "Sequential",
-    "WithMessages",
-    "begin_unnamed",
-    "in_order",
-    "leave",
-    "messages_of",
-    "trusted",
-]

@@ -1,5 +1,3 @@
 """Trackers that keep several hypotheses of each vessel open over some looks; the choice over all tracks is reported."""
 
-from coastwatch.tracks.radar.multi_hypothesis.tracking import MultiHypothesis
-
-__all__ = ["MultiHypothesis"]
+from coastwatch.tracks.radar.multi_hypothesis.tracking import MultiHypothesis as MultiHypothesis
