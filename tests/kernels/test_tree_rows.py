@@ -14,7 +14,7 @@ SLOTS = 40
 
 def leaves_of(slot, plot, mmsi) -> Leaves:
     """Leaves of these trees whose filters are of no matter."""
-    rows = Leaves.empty(W=plot.shape[1], R=1, J=1).with_room(len(slot))
+    rows = Leaves.empty(W=plot.shape[1], R=1, J=1, L=len(slot))
     for name in rows.__dataclass_fields__:
         getattr(rows, name)[:] = 0
     rows.slot[:], rows.plot[:], rows.mmsi[:] = slot, plot, mmsi
