@@ -50,7 +50,7 @@ def pairs_of(vessel, range_m, azimuth_rad):
 
 
 def looked(vessels, pairs, stamp_s, reference_cells=None):
-    reference_cells = ReferenceCells.none() if reference_cells is None else reference_cells
+    reference_cells = ReferenceCells.empty() if reference_cells is None else reference_cells
     return count_looks(reference_cells, vessels, pairs, np.asarray(stamp_s, float), 1.0, PERIOD_S, GRID)
 
 
@@ -114,7 +114,7 @@ def test_old_hits_count_less_and_reference_cells_are_bounded():
     assert histograms(half).max() == 0.5
     assert half.looks.tolist() == [1.5]
     assert len(counted(half, 0.1, GRID)) == 0
-    many = ReferenceCells.none()
+    many = ReferenceCells.empty()
     for k in range(12):
         turned = 0.1 + 0.5 * k
         at = 5000.0 * np.tile([np.sin(turned), np.cos(turned)], (450, 1))
