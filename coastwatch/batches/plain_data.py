@@ -17,6 +17,12 @@ from coastwatch.kernels.arrays import Array
 Classes = frozenset[type]
 """Dataclasses and named tuples that a tree may name. No other class is made."""
 
+FORMER_NAMES = {
+    "coastwatch.tracks.ais.out_of_sequence.Memory": "coastwatch.tracks.ais.out_of_sequence.AisMemory",
+    "coastwatch.tracks.bearing.BearingMemory": "coastwatch.tracks.bearing.memory.BearingMemory",
+}
+"""Names in trees of earlier versions, and what the classes are called now: a run goes on over an upgrade."""
+
 
 def classes_in(*kinds: object) -> Classes:
     """The dataclasses and named tuples that values of these types may hold: of fields and of items, however deep."""
@@ -61,7 +67,7 @@ def from_tree(tree: object, arrays: Sequence[Array], classes: Classes) -> Any:
         case {"dict": items}:
             return {from_tree(key, arrays, classes): from_tree(item, arrays, classes) for key, item in items}
         case {"class": str(name), "fields": dict(given)}:
-            made = _by_name(classes).get(name)
+            made = _by_name(classes).get(FORMER_NAMES.get(name, name))
             if made is None:
                 raise TreeError(f"it names the class {name}, which is not one of this version's")
             absent, unknown = _needed_of(made) - given.keys(), given.keys() - _fields_of(made)

@@ -14,7 +14,10 @@ from coastwatch.server.checkpoint import CheckpointError, Point, load_point
 from coastwatch.store import Store
 
 OF_NO_MEMORY = ("title", "store", "workers")
-"""Settings that may change while a run goes on: they shape no memory."""
+"""Settings that may change while a run goes on: they shape no memory, but for those of OF_MEMORY."""
+
+OF_MEMORY = ("store.event_gap_s",)
+"""Settings of `store` that shape the memory: the alarms of the run were ended by it."""
 
 MOST_NAMED = 10
 """Settings that are named where too many differ."""
@@ -46,6 +49,8 @@ def former_run(opened: Store, scenario: Scenario, seed: int, version: str, *, li
                 else f"had other settings: {differs}"
             )
             why = why or f"run {run.run_id} {other}"
+            if live:  # an earlier one ended before this one began
+                break
             continue
         saved = store.read_checkpoint(opened, run.run_id)
         try:
@@ -54,7 +59,7 @@ def former_run(opened: Store, scenario: Scenario, seed: int, version: str, *, li
             if run.version == version:
                 raise
             why = why or f"run {run.run_id} is of version {run.version}, this is {version}: {error}"
-            continue
+            break  # the run is live, as above
         said = (
             None if run.version == version else f"run {run.run_id} goes on: it was of version {run.version}, this is {version}"
         )
@@ -73,7 +78,7 @@ def _differences(stored: Mapping[str, object], scenario: Scenario) -> str:
         before = dict(stored)
     old, new = (dict(_leaves(settings)) for settings in (before, json.loads(scenario.model_dump_json())))
     names = [name for name in sorted(old.keys() | new.keys()) if old.get(name) != new.get(name)]
-    names = [name for name in names if name.partition(".")[0] not in OF_NO_MEMORY]
+    names = [name for name in names if name in OF_MEMORY or name.partition(".")[0] not in OF_NO_MEMORY]
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return ", ".join(names[:MOST_NAMED]) + more
 

@@ -275,7 +275,15 @@ class _Run:
         self.plan, self.most = plan, (0, plan.start_s)
         if before is not None:
             self.run_id, point = before.run_id, before.point
-            store.resume_run(self.store, self.run_id, version=version(), settings=settings, by_server=live is not None)
+            store.resume_run(
+                self.store,
+                self.run_id,
+                title=scenario.title,
+                version=version(),
+                settings=settings,
+                workers=workers,
+                by_server=live is not None,
+            )
             if before.said is not None:
                 LOG.warning(before.said)
         else:

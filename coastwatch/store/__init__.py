@@ -52,6 +52,7 @@ from coastwatch.store.runs import (
     Unfinished as Unfinished,
     begin_run as begin_run,
     finish_run as finish_run,
+    has_run as has_run,
     last_good_run as last_good_run,
     last_instant as last_instant,
     latest_run as latest_run,

@@ -13,7 +13,7 @@ from sqlalchemy import ColumnElement, Connection, Select, delete, select, true, 
 
 from coastwatch.errors import StoreError
 from coastwatch.store.processes import Presence, presence, this_process
-from coastwatch.store.runs import no_run, runs, status_of
+from coastwatch.store.runs import run_status, runs
 from coastwatch.store.schema.database import Store, reading, writing
 from coastwatch.store.schema.tables import CHECKPOINT, DELETING, METADATA, OF_NO_RUN, RECORDING, RUN, TRACK_JOURNAL
 
@@ -39,23 +39,16 @@ def discard_runs(store: Store, scenario: str, seed: int | None = None, on_part: 
     A run that another process of this machine writes stays. Raises: StoreError.
     """
     r = RUN.c
-    which = select(r.id, r.machine, r.process).where(r.scenario == scenario, true() if seed is None else r.seed == seed)
+    which = select(r.id).where(r.scenario == scenario, true() if seed is None else r.seed == seed)
     with reading(store) as connection:
-        running = connection.execute(which.where(r.status == "running")).all()
-    mine = this_process()
-    others = [row for row in running if (row.machine, row.process) != mine]
-    live = [row.id for row in others if presence(row.machine, row.process) is Presence.HERE]
-    return _delete(store, which.with_only_columns(r.id).where(r.id.not_in(live)), on_part)
+        live = _of_others(connection, Presence.HERE)
+    return _delete(store, which.where(r.id.not_in(live)), on_part)
 
 
 def delete_run(store: Store, run_id: int, on_part: OnPart = no_progress) -> None:
     """Delete one run with everything it stored. Raises: StoreError where there is none, or it is being written."""
-    with reading(store) as connection:
-        row = connection.execute(select(RUN).where(RUN.c.id == run_id)).mappings().first()
-        if row is None:
-            raise no_run(connection, store, run_id)
-        if status_of(connection, row) == "running":
-            raise StoreError(f"{store.where}: run {run_id} is being written: got delete, needed a run that has ended")
+    if run_status(store, run_id) == "running":
+        raise StoreError(f"{store.where}: run {run_id} is being written: got delete, needed a run that has ended")
     _delete(store, select(RUN.c.id).where(RUN.c.id == run_id), on_part)
 
 
@@ -90,18 +83,26 @@ def left_behind(connection: Connection) -> list[int]:
     ]
 
 
+def _of_others(connection: Connection, *presences: Presence) -> list[int]:
+    """Runs that other processes of these presences write."""
+    r, mine = RUN.c, this_process()
+    running = connection.execute(select(r.id, r.machine, r.process).where(r.status == "running")).all()
+    others = [row for row in running if (row.machine, row.process) != mine]
+    return [row.id for row in others if presence(row.machine, row.process) in presences]
+
+
 def _delete(store: Store, which: Select[tuple[int]], on_part: OnPart) -> list[int]:
     """Mark runs, then delete them and those that were left behind. Returns: the marked ones."""
     with writing(store) as connection:
         asked = mark_deleting(connection, RUN.c.id.in_(which))
         numbers = left_behind(connection)  # the marked ones too
-        is_alone = connection.scalar(select(RUN.c.id).where(RUN.c.status == "running").limit(1)) is None
     for done, run_id in enumerate(numbers):
         store.run_states.pop(run_id, None)
         rows, is_whole = 0, False
         while not is_whole:
             with writing(store) as connection:
                 part, is_whole = delete_part(connection, run_id)
+                is_alone = not _of_others(connection, Presence.HERE, Presence.UNKNOWN)
             rows += part
             on_part(done + is_whole, len(numbers), f"run {run_id}: {rows:,} rows deleted")
             if not is_alone and not is_whole:

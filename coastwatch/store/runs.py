@@ -112,10 +112,19 @@ def begin_run(
     return run_id
 
 
-def resume_run(store: Store, run_id: int, *, version: str, settings: Mapping[str, object], by_server: bool = False) -> None:
+def resume_run(
+    store: Store,
+    run_id: int,
+    *,
+    title: str,
+    version: str,
+    settings: Mapping[str, object],
+    workers: int = 1,
+    by_server: bool = False,
+) -> None:
     """Note that this process goes on with a run, which is then `running` again.
 
-    Args: version, settings: from now on; by_server: a server writes it, and is refused where another one writes a run.
+    Args: title, version, settings, workers: from now on; by_server: a server writes it, and is refused where another one writes a run.
     Raises: StoreError; InputError, as of `refuse_second_writer`.
     """
     machine, process = this_process()
@@ -123,7 +132,8 @@ def resume_run(store: Store, run_id: int, *, version: str, settings: Mapping[str
         if by_server:
             _refuse_second_writer(connection, store)
         again = {"status": "running", "machine": machine, "process": process, "written_utc": now_utc(connection)}
-        again |= {"version": version, "settings": dict(settings)} | ({"command": SERVER} if by_server else {})
+        again |= {"title": title, "version": version, "settings": dict(settings), "workers": workers}
+        again |= {"command": SERVER} if by_server else {}
         if connection.execute(update(RUN).where(*is_there(run_id)).values(finished_utc=None, **again)).rowcount == 0:
             raise no_run(connection, store, run_id)
 
@@ -285,6 +295,12 @@ def status_of(connection: Connection, row: RowMapping) -> str:
         if there is Presence.GONE or (there is Presence.UNKNOWN and is_silent):
             return "died"
     return str(row["status"])
+
+
+def has_run(store: Store, run_id: int) -> bool:
+    """Whether there is a run of this number, which is not being deleted."""
+    with reading(store) as connection:
+        return connection.scalar(select(RUN.c.id).where(*is_there(run_id))) is not None
 
 
 def set_verdict(store: Store, run_id: int, sentences: Sequence[str]) -> None:

@@ -189,17 +189,19 @@ def test_a_second_server_on_a_database_is_refused_until_the_first_is_killed(
     first.kill()
     first.wait()
     with store.open_store(str(path)) as opened:
-        run = LiveRun(
-            load_scenario("context-driven-100", {"input.count": "5"}), Paced(), Service(opened).receive, database=str(path)
-        )
+        service, before = Service(opened), stored(path)
+        run = LiveRun(load_scenario("context-driven-100", {"input.count": "5"}), Paced(), service.receive, database=str(path))
+        service.source = run
         with run:
-            wait_for(lambda: column(path, "SELECT max(id) FROM run") == [2], 60.0)
+            wait_for(lambda: stored(path) > before + 1, 60.0)
+        assert not run.restarts
+    assert column(path, "SELECT id FROM run") == [1]
 
 
 def test_a_server_whose_run_has_failed_for_good_ends_with_exit_code_1(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """So `Restart=on-failure` of systemd begins it again."""
+    """So systemd begins it again."""
 
     def step(*given: object, **more: object) -> None:
         raise ZeroDivisionError("a defect in each cycle")

@@ -236,7 +236,7 @@ def test_a_second_writer_is_refused_while_the_process_of_the_first_lives(url: st
         with pytest.raises(InputError, match=said):
             kept.refuse_second_writer(store)
         with pytest.raises(InputError, match=said):
-            kept.resume_run(store, run, version="0.1.0", settings={}, by_server=True)
+            kept.resume_run(store, run, title="", version="0.1.0", settings={}, by_server=True)
         with pytest.raises(InputError, match=said):
             world.begin(store, by_server=True)
         assert sorted(kept.runs(store).column("id")) == [job, run]
@@ -249,4 +249,4 @@ def test_a_second_writer_is_refused_while_the_process_of_the_first_lives(url: st
         stat = Path(f"/proc/{made.pid}/stat")
         while stat.exists() and ") Z " not in stat.read_text():  # nobody has asked how it ended
             time.sleep(0.01)
-        kept.resume_run(store, run, version="0.1.0", settings={}, by_server=True)
+        kept.resume_run(store, run, title="", version="0.1.0", settings={}, by_server=True)

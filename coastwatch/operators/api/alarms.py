@@ -89,7 +89,7 @@ def alarms(request: Request, service: In, form: As, chosen: Annotated[ChosenAlar
     kinds = ALARM_KINDS if chosen.kind in (None, ALL_KINDS) else (str(chosen.kind),)
     from_s, to_s = parsed_span(chosen.start, chosen.end)
     run_id, warning = chosen.run or service.run_id(), ""
-    if run_id != service.run_id() and run_id not in store.runs(service.store).column("id"):
+    if not store.has_run(service.store, run_id):
         raise HTTPException(404, f"run: got {run_id}, needed one of /api/v1/runs")
     if chosen.run is None and (from_s, to_s) != (None, None):
         held = store.runs_between(service.store, run_id, from_s, to_s)

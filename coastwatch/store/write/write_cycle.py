@@ -131,7 +131,7 @@ def write_cycle(store: Store, run_id: int, record: CycleRecord, keep: StoreSetti
         store.run_states.pop(run_id, None)
         raise
     store.run_states[run_id] = after
-    if retention.is_limited(keep):
+    if retention.is_limited(keep) or number % retention.ENDED_EVERY == 0:  # it may finish a deletion that was interrupted
         with suppress(StoreError):  # the next cycle tries again
             _delete_old(store, run_id, keep, rows, picture)
     return Written(rows, database.long_log_warning(store, len(picture)), database.log_size(store))
