@@ -210,7 +210,7 @@ def test_a_box_of_the_past_is_asked_of_the_store_and_answers_as_the_whole_pictur
         ("/api/v1/picture?form=csv", 422, "min_sog, mmsi, offset, q, sort, sources; did you mean 'format'?"),
         ("/api/v1/sensors?x=1", 422, "x: got '1' for an unknown parameter, needed one of format"),
         ("/api/v1/cycles?at=x", 422, "at: got 'x' for an unknown parameter, needed none"),
-        ("/api/v1/vessels/1/history?frm=x", 422, "needed one of format, from, limit, to; did you mean 'from'?"),
+        ("/api/v1/vessels/1/history?frm=x", 422, "needed one of at, format, from, limit, to; did you mean 'from'?"),
         ("/api/v1/picture?limit=10001", 422, "limit: got '10001', needed 10000 or less"),
         ("/api/v1/picture?min_sog=5&max_sog=2", 400, "min_sog: got 5, needed at most max_sog = 2"),
         ("/api/v1/runs?format=geojson", 422, "format: got 'geojson', needed 'json', 'csv' or 'parquet'"),
@@ -284,7 +284,7 @@ def test_details_have_a_tag_and_one_vessel_says_why(served: Served) -> None:
     assert [row["cycle"] for row in path["history"]] == [1, 2]
     assert served.get("/api/v1/vessels/2/history?to=1970-01-01T00:00:00Z").json()["history"] == []
     assert one["decided"] == []
-    assert served.get("/api/v1/vessels/2/decided?limit=5").json() == {"vessel_id": 2, "total": 0, "decided": []}
+    assert served.get("/api/v1/vessels/2/decided?limit=5").json() == {"run": 1, "vessel_id": 2, "total": 0, "decided": []}
     assert served.get("/api/v1/vessels/77777/decided").status_code == 404
 
 

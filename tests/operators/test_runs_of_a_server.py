@@ -1,4 +1,4 @@
-"""A server that began a new run beside an old one: times before it are answered from the old one, on the command line and by the API."""
+"""A server that began a new run: times before it are answered from the old one, on the command line and by the API."""
 
 from __future__ import annotations
 
@@ -96,7 +96,15 @@ def test_the_api_answers_from_the_run_that_holds_the_time(watch: tuple[str, Serv
     assert (span["first_utc"], span["last_utc"]) == (utc_text(world.instant_s(0) - EARLIER_S), new)
     assert served.get("/api/v1/vessels/30").status_code == 404
     assert served.get(f"/api/v1/vessels/30?at={old}").json()["vessel_id"] == 30
-    assert served.get(f"/api/v1/vessels/30/history?from={old}").json()["total"] > 0
+    assert served.get(f"/api/v1/vessels/30/history?from={old}").status_code == 404
+    for name in ("history", "decided"):
+        of_old, of_new = (served.get(f"/api/v1/vessels/{v}/{name}{at}").json() for v, at in ((30, f"?at={old}"), (4, "")))
+        assert (of_old["run"], of_new["run"]) == (1, 2)
+    assert served.get(f"/api/v1/vessels/30/history?at={old}&to={old}").json()["total"] > 0
+    assert served.get(f"/api/v1/vessels/4/history?from={old}").json()["run"] == 2
+    for at, run_id, known in (("", 2, []), (f"&at={old}", 1, [30])):
+        found = served.get(f"/api/v1/vessels?ids=30{at}").json()
+        assert (found["run"], [vessel["vessel_id"] for vessel in found["vessels"]]) == (run_id, known)
     alarms = served.get(f"/api/v1/alarms?from={old}&to={old}").json()
     assert (alarms["run"], alarms["warning"]) == (1, "this answer is of run 1: run 2 began later")
     assert alarms["alarms"] == served.get(f"/api/v1/alarms?from={old}&to={old}&run=1").json()["alarms"] != []

@@ -23,6 +23,9 @@ export async function ask(path, options = {}) {
 }
 
 export const getJson = async (path, options) => (await ask(path, options)).json();
+/** The question for an instant. Args: at: Unix seconds, null: none; mark: before it. Cycles lie more than a millisecond apart. */
+export const atOf = (at, mark) => (at === null ? '' : `${mark}at=${new Date(Math.ceil(at * 1000)).toISOString()}`);
+
 export const getBytes = async (path) => (await ask(path)).arrayBuffer();
 
 export const sendJson = async (method, path, body, headers = {}) =>
@@ -42,14 +45,17 @@ export class Details extends Map {
   #asked = new Map(); // id to the time at which it was asked for
   #waiting = new Set();
   #timer = null;
+  #run = null; // of the newest answer
+  #times = 0; // how often everything was forgotten
 
   /**
    * @param {() => void} told called when details have come
    * @param {() => number} room for how many vessels there is room: all of the picture, where a filter or a sort asks for them
+   * @param {() => number | null} instant of the picture that is shown, Unix seconds; null: it is live
    */
-  constructor(told, room = () => MOST_KEPT) {
+  constructor(told, room = () => MOST_KEPT, instant = () => null) {
     super();
-    Object.assign(this, { told, room });
+    Object.assign(this, { told, room, instant });
   }
 
   /** Keeps what is known of a vessel: values, not the lists of its panel. */
@@ -98,15 +104,20 @@ export class Details extends Map {
   async #fetch() {
     const ids = [...this.#waiting].slice(0, BATCH);
     const now = performance.now();
+    const times = this.#times;
     ids.forEach((id) => {
       this.#waiting.delete(id);
       this.#noteAsked(id, now);
     });
     this.#forget();
     try {
-      const { vessels } = await getJson(`vessels?ids=${ids.join(',')}`);
-      for (const vessel of vessels) this.set(vessel.vessel_id, vessel);
-      this.told();
+      const { run, vessels } = await getJson(`vessels?ids=${ids.join(',')}${atOf(this.instant(), '&')}`);
+      if (times === this.#times) {
+        if (this.#run !== null && run !== this.#run) this.clear(); // another run has other vessels under these ids
+        this.#run = run;
+        for (const vessel of vessels) this.set(vessel.vessel_id, vessel);
+        this.told();
+      }
     } catch {
       ids.forEach((id) => this.#noteAsked(id, now - STALE_MS + 5000)); // again in five seconds
     }
@@ -117,7 +128,7 @@ export class Details extends Map {
   async all() {
     const columns = 'vessel_id,name,call_sign,mmsi,ship_type,length_m,beam_m';
     for (let offset = 0, total = 1; offset < total; offset += PAGE) {
-      const page = await getJson(`picture?columns=${columns}&limit=${PAGE}&offset=${offset}`);
+      const page = await getJson(`picture?columns=${columns}&limit=${PAGE}&offset=${offset}${atOf(this.instant(), '&')}`);
       total = page.total;
       for (const vessel of page.vessels) this.set(vessel.vessel_id, { ...this.get(vessel.vessel_id), ...vessel });
       if (!page.vessels.length) break;
@@ -130,5 +141,7 @@ export class Details extends Map {
     super.clear();
     this.#asked?.clear();
     this.#waiting?.clear();
+    this.#run = null;
+    this.#times += 1;
   }
 }

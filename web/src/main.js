@@ -87,7 +87,8 @@ class App {
 
   async start() {
     paintPage(this.state.theme);
-    this.details = new Details(() => this.detailsChanged(), () => Math.max(MOST_KEPT, 2 * this.live.vessels));
+    const room = () => Math.max(MOST_KEPT, 2 * this.live.vessels);
+    this.details = new Details(() => this.detailsChanged(), room, () => (this.replaying ? this.picture.at : null));
     await this.#look();
     this.map = makeMap(byId('map'), this.#firstView());
     this.points = new PointsLayer(() => this.clock());
@@ -218,7 +219,7 @@ class App {
     if (changed < 0) return;
     this.#heardAt = performance.now();
     if (this.run !== this.live.run) {
-      if (this.run !== undefined) this.details.clear();
+      if (this.run !== undefined) this.forgetVessels();
       else if (!this.placed) this.#showAll();
       this.run = this.live.run;
       this.video.runChanged();
@@ -261,6 +262,12 @@ class App {
 
   alarmsChanged() {
     if (this.points.picture) this.pictureChanged();
+  }
+
+  /** Another run, or another time: its vessels may be others under the same ids. */
+  forgetVessels() {
+    this.details.clear();
+    this.allAt = -Infinity;
   }
 
   /** Fetches the details of all vessels, once a minute at most. */

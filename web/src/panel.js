@@ -1,6 +1,6 @@
 // The panel of the selected vessel: who it is, where it is, who sees it, and why the picture holds it for one vessel.
 
-import { getJson } from './api.js';
+import { atOf, getJson } from './api.js';
 import { byId, element, fill, pairs } from './dom.js';
 import { clock, course, dateClock, duration, label, length, miles, position, seconds, shipClass, speed, text } from './formats.js';
 import { closestApproach, rangeBearing } from './geodesy.js';
@@ -36,7 +36,7 @@ export class Panel {
   async #load(id) {
     try {
       const { at } = this.app.replay; // a run of the past may have had another vessel of this number
-      const known = await getJson(`vessels/${id}${at === null ? '' : `?at=${new Date(at * 1000).toISOString()}`}`);
+      const known = await getJson(`vessels/${id}${atOf(at, '?')}`);
       if (this.app.state.selected !== id) return;
       this.known = known;
       this.app.details.set(id, { ...this.app.details.get(id), ...known });

@@ -72,6 +72,7 @@ export class Replay {
 
   /** Shows the picture of a time. Args: at: Unix seconds. */
   enter(at) {
+    if (this.at === null) this.app.forgetVessels();
     this.at = at;
     this.#wall = performance.now();
     this.#fetch(at);
@@ -80,7 +81,10 @@ export class Replay {
   }
 
   play(on) {
-    if (this.at === null && on) this.at = this.#first;
+    if (this.at === null && on) {
+      this.app.forgetVessels();
+      this.at = this.#first;
+    }
     this.#settle();
     this.#wall = performance.now();
     this.playing = on && this.at !== null;
@@ -94,6 +98,7 @@ export class Replay {
     this.playing = false;
     this.at = null;
     this.#wanted = null;
+    this.app.forgetVessels();
     this.app.modeChanged();
     this.draw();
   }

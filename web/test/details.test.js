@@ -2,10 +2,11 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { Details } from '../src/api.js';
 
-const answers = (found) => {
+const answers = (found, run = () => 1) => {
   globalThis.fetch = async (path) => {
-    const ids = new URL(path, 'http://here/').searchParams.get('ids').split(',').map(Number);
-    return { ok: true, json: async () => ({ vessels: ids.filter(found).map((vessel_id) => ({ vessel_id, name: `SHIP ${vessel_id}` })) }) };
+    const asked = new URL(path, 'http://here/').searchParams;
+    const ids = asked.get('ids').split(',').map(Number);
+    return { ok: true, json: async () => ({ run: run(asked.get('at')), vessels: ids.filter(found).map((vessel_id) => ({ vessel_id, name: `SHIP ${vessel_id}` })) }) };
   };
 };
 
@@ -28,4 +29,25 @@ test('vessels that were asked for are remembered within the same bound, also whe
   assert.equal(told.length, 2); // requests of 200 ids at most
   assert.deepEqual([details.size, details.asked], [10, 10]);
   assert.deepEqual([...details.keys()].at(-1), 300);
+});
+
+test('of another run everything else is forgotten, and of another time what was on its way', async () => {
+  answers(() => true, (at) => (at === '2026-11-24T12:00:00.000Z' ? 1 : 2));
+  let at = Date.parse('2026-11-24T12:00:00Z') / 1000 - 0.0004; // of the shown picture: its cycle is not earlier than asked for
+  const details = new Details(() => {}, () => 10, () => at);
+  const come = async () => { for (let k = 0; k < 30; k++) await new Promise((done) => { setTimeout(done, 10); }); };
+  details.need([1]);
+  await come();
+  assert.deepEqual([...details.keys()], [1]);
+  at = null;
+  details.need([2]);
+  await come();
+  assert.deepEqual([...details.keys()], [2]);
+  globalThis.fetch = async () => {
+    details.clear();
+    return { ok: true, json: async () => ({ run: 2, vessels: [{ vessel_id: 3 }] }) };
+  };
+  details.need([3]);
+  await come();
+  assert.equal(details.size, 0);
 });

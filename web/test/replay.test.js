@@ -12,7 +12,7 @@ function replayed(t, status) {
     ? { ok: false, status, json: async () => ({ detail: 'at: the first picture is of later' }) }
     : { ok: true, json: async () => ({ first_utc: '2026-11-24T12:00:00Z', last_utc: '2026-11-24T13:00:00Z', period_s: 3 }) });
   const said = [];
-  const app = { live: { at: NaN }, state: { speed: 1 }, modeChanged() {}, pictureChanged() {}, stateChanged() {}, say: (words) => said.push(words) };
+  const app = { live: { at: NaN }, state: { speed: 1 }, modeChanged() {}, forgetVessels() {}, pictureChanged() {}, stateChanged() {}, say: (words) => said.push(words) };
   return [new Replay(app), said];
 }
 

@@ -230,16 +230,18 @@ def frame(service: In, bbox: Text = None, at: Text = None, version: Annotated[in
 
 @router.get("/vessels")
 def vessels(
-    request: Request, service: In, ids: Annotated[str | None, Query(max_length=4000)] = None, q: Text = None
+    request: Request, service: In, ids: Annotated[str | None, Query(max_length=4000)] = None, q: Text = None, at: Text = None
 ) -> Response:
-    """Details of up to 200 vessels by their ids, or of up to 50 that a text finds."""
-    newest, words = service.picture(), _names(ids)
+    """Details of up to 200 vessels by their ids, or of up to 50 that a text finds. `at`: of the picture of this instant."""
+    words = _names(ids)
     if (ids is None) == (q is None):
         raise HTTPException(400, "got both or none of ids and q, needed one of them")
     if len(words) > MOST_IDS or not all(word.isdecimal() and len(word) < 19 for word in words):
         raise HTTPException(400, f"ids: got {len(words)} words, needed at most {MOST_IDS} whole numbers with commas between")
-    rows = newest.at(np.array([int(word) for word in words], np.int64)) if q is None else newest.search(q)[:MOST_FOUND]
-    body = json.dumps({"vessels": export.as_objects(presentation.in_operator_units(newest.rows(rows)))}, allow_nan=False)
+    shown = _picture_at(service, parsed(utc, "at", at), None)
+    rows = shown.at(np.array([int(word) for word in words], np.int64)) if q is None else shown.search(q)[:MOST_FOUND]
+    found = export.as_objects(presentation.in_operator_units(shown.rows(rows)))
+    body = json.dumps({"run": shown.run_id, "vessels": found}, allow_nan=False)
     tag = f'"{hashlib.sha256(body.encode()).hexdigest()[:32]}"'
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"ETag": tag})
@@ -266,41 +268,48 @@ def vessel(vessel_id: VesselId, service: In, at: Text = None) -> dict[str, objec
 def history(
     request: Request, vessel_id: VesselId, service: In, form: As,
     start: Annotated[str | None, Query(alias="from", max_length=40)] = None,
-    end: Annotated[str | None, Query(alias="to", max_length=40)] = None, limit: Limit = 5000,
+    end: Annotated[str | None, Query(alias="to", max_length=40)] = None, at: Text = None, limit: Limit = 5000,
 ) -> Response:  # fmt: skip
-    """The newest points of a vessel's path between two instants, oldest first. `Link` has the page of those before them."""
-    span_s = parsed_span(start, end)
-    return _between(
-        request, _vessel(service, vessel_id, span_s[0])[1].tables["history"], form, ("history", vessel_id), span_s, limit
-    )
+    """The newest points of a vessel's path between two instants, oldest first. `Link` has the page of those before them.
+
+    `at`: of the run that has this instant; none: of the run of now.
+    """
+    run_row, one = _vessel(service, vessel_id, parsed(utc, "at", at))
+    span_s, of = parsed_span(start, end), {"run": run_row["id"], "vessel_id": vessel_id}
+    return _between(request, one.tables["history"], form, "history", of, span_s, limit)
 
 
 @router.get("/vessels/{vessel_id}/decided", responses=ROWS)
 def decided(
     request: Request, vessel_id: VesselId, service: In, form: As,
     start: Annotated[str | None, Query(alias="from", max_length=40)] = None,
-    end: Annotated[str | None, Query(alias="to", max_length=40)] = None, limit: Limit = 5000,
+    end: Annotated[str | None, Query(alias="to", max_length=40)] = None, at: Text = None, limit: Limit = 5000,
 ) -> Response:  # fmt: skip
     """The newest states of a vessel's corrected past between two instants, oldest first. The history stays what the watch saw.
 
-    `Link` has the page of those before them.
+    `Link` has the page of those before them. `at`: of the run that has this instant; none: of the run of now.
     """
-    span_s = parsed_span(start, end)
-    run_id = service.run_at(span_s[0])
+    span_s, run_id = parsed_span(start, end), service.run_at(parsed(utc, "at", at))
     try:
         rows = presentation.decided_path(service.store, run_id, vessel_id)
     except NotThere as error:
         raise HTTPException(404, f"run {run_id} never had a vessel {vessel_id}") from error
-    return _between(request, rows, form, ("decided", vessel_id), span_s, limit)
+    return _between(request, rows, form, "decided", {"run": run_id, "vessel_id": vessel_id}, span_s, limit)
 
 
 def _between(
-    request: Request, rows: Rows, form: str, of: tuple[str, int], span_s: tuple[float | None, float | None], limit: int
+    request: Request,
+    rows: Rows,
+    form: str,
+    name: str,
+    of: Mapping[str, object],
+    span_s: tuple[float | None, float | None],
+    limit: int,
 ) -> Response:
     """The newest rows of a vessel between two instants. The next page ends with the newest one before them.
 
     A page ends between two instants: rows of one instant are together, also where they are more than the limit.
-    Args: of: the name of the rows, and the id of the vessel.
+    Args: of: run and vessel.
     """
     from_s, to_s = span_s
     times = rows.column("time_utc")
@@ -313,7 +322,7 @@ def _between(
     headers = _counted(len(kept))
     if limit > 0 and first > 0:
         headers["Link"] = _next(request, to=times[kept[first - 1]])
-    return answer(shown, form, of[0], {"vessel_id": of[1], "total": len(kept)}, headers)
+    return answer(shown, form, name, {**of, "total": len(kept)}, headers)
 
 
 @router.get("/sensors", responses=ROWS)
