@@ -101,8 +101,9 @@ def _carry_out(work: Work[S], settings: S, kind: str, published: Published, chun
 
 
 def _start_worker() -> None:
-    """Prepare a process. Ctrl-C is for the parent, which ends its processes after a whole cycle."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Prepare a process. Ctrl-C and SIGHUP are for the parent, which ends its processes after a whole cycle."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     keep_freed_memory()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

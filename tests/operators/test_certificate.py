@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import signal
 import socket
 import ssl
@@ -13,14 +12,22 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 import store_world as world
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec, rsa
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
+from cryptography.x509.oid import NameOID
 from server_world import wait_for
 
 from coastwatch import store as kept
 from coastwatch.errors import InputError
+from coastwatch.operators.api import certificate as certificates, people
 from coastwatch.operators.api.certificate import SOON_S, Certificate, ends_s
 
 pytestmark = pytest.mark.whole
@@ -30,26 +37,12 @@ DAY_S = 86_400.0
 
 def make(folder: Path, name: str, days: int, key: str = "ec") -> tuple[Path, Path]:
     """A certificate and its key, for so many days."""
-    if shutil.which("openssl") is None:
-        pytest.skip("openssl is not installed")
     chain, private = folder / "cert.pem", folder / "key.pem"
-    kind = ["-newkey", "rsa:2048"] if key == "rsa" else ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1"]
-    words = [
-        "openssl",
-        "req",
-        "-x509",
-        *kind,
-        "-nodes",
-        "-days",
-        str(days),
-        "-subj",
-        f"/CN={name}",
-        "-keyout",
-        private,
-        "-out",
-        chain,
-    ]
-    subprocess.run(words, check=True, capture_output=True)
+    made: Any = ec.generate_private_key(ec.SECP256R1()) if key == "ec" else rsa.generate_private_key(65537, 2048)
+    of, now = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)]), datetime.now(UTC)
+    builder = x509.CertificateBuilder(of, of, made.public_key(), x509.random_serial_number(), now, now + timedelta(days))
+    private.write_bytes(made.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
+    chain.write_bytes(builder.sign(made, hashes.SHA256()).public_bytes(Encoding.PEM))
     return chain, private
 
 
@@ -103,6 +96,26 @@ def test_a_renewed_certificate_is_that_of_new_connections(tmp_path: Path, asked:
         wait_for(lambda: name_of(port, None) != first)
         assert b"two" in name_of(port, "watch.example")
         assert process.poll() is None
+
+
+def test_files_are_read_again_when_asked_although_their_stamps_are_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (certificates, people):
+        monkeypatch.setattr(module, "stamp", lambda path: (1, 2))
+    certificate = Certificate(*make(tmp_path, "one", 90))
+    words = [people.add(tmp_path / "tokens.toml", "ana", "viewer", None)]
+    tokens = people.Tokens(tmp_path / "tokens.toml")
+    ends = certificate.ends_s
+    make(tmp_path, "two", 30)
+    (tmp_path / "tokens.toml").unlink()
+    words.append(people.add(tmp_path / "tokens.toml", "cy", "viewer", None))
+    assert (certificate.troubles(), certificate.ends_s) == ([], ends)
+    assert [tokens.person(word) is not None for word in words] == [True, False]
+    for one in (certificate, tokens):
+        one.reread()
+    assert certificate.ends_s < ends
+    assert [tokens.person(word) is not None for word in words] == [False, True]
 
 
 def test_a_server_without_files_to_read_goes_on_after_a_hangup(tmp_path: Path) -> None:

@@ -31,9 +31,8 @@ class Certificate:
             raise InputError(
                 f"--tls-cert, --tls-key: got {chain} and {key}: {_reason(error)}, needed a certificate and its key"
             ) from None
-        self.context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        self.context.load_cert_chain(chain, key)
-        # each connection that begins asks; a context that is in use is never changed
+        # Each connection that begins asks for the newest one; a context that is in use is never changed.
+        self.context = self._now
         self.context.sni_callback = self._choose
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import errno
+import math
 import os
 import shutil
 import signal
@@ -252,6 +253,14 @@ def add_token(options: argparse.Namespace) -> int:
     return 0
 
 
+def _free_bytes(folder: Path) -> float:
+    """Free bytes of the disk of a folder; NaN where it cannot be asked: the other metrics are answered."""
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError:
+        return math.nan
+
+
 def listen(service: Service, guard: Guard, options: Deployment, outputs: Outputs, listener: socket.socket) -> None:
     """Answer requests until Ctrl-C or SIGTERM, and send pictures and alarms where the options say. Args: listener: as of `bound`."""
     host, port = listener.getsockname()[:2]
@@ -265,7 +274,7 @@ def listen(service: Service, guard: Guard, options: Deployment, outputs: Outputs
             service.metrics.certificate(lambda: certificate.left_s)
             tls = {"ssl_context_factory": lambda *_: certificate.context}
         if (file := service.store.file) is not None:
-            service.metrics.disk(lambda: shutil.disk_usage(file.parent).free)
+            service.metrics.disk(lambda: _free_bytes(file.parent))
         service.files = guard.files()
         server = server_of(application(service, guard, hooks=outputs.hooks), **tls)
 
