@@ -10,7 +10,7 @@ class InputError(ExplainedError, ValueError):
 
 
 class AddressError(InputError):
-    """An address that names no feed and no region; the message says what is wrong."""
+    """An address to which nothing can be sent, or from which nothing can come; the message says what is wrong."""
 
 
 class StoreError(ExplainedError):

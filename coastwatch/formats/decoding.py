@@ -10,9 +10,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from coastwatch.batches import Bools, Floats, Ints, RadarVideo, Reports, TrackReports, limits
-from coastwatch.formats.asterix.video_state import VideoState
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING
+from coastwatch.formats.video_state import VideoState
 
 Item = tuple[float, bytes, int]
 """When a line or datagram came, Unix time, NaN: unknown; its bytes; and the number of its sender: of a connection, or of an address."""

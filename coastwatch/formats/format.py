@@ -88,8 +88,10 @@ class Format:
     length: Callable[[bytes, int], int] = line_length
     """(data, begin) -> bytes of the message of a file that begins there, 0 or less: its end has not come. Raises: ValueError."""
     sending_times: Callable[[Iterable[bytes]], Iterator[tuple[int, float]]] | None = None
-    """When `coastwatch feed` sends the messages of a file: (number from 1 on, time) of those that have a time of their own, as they
-    are read. Of lines Unix time; of datagrams seconds since midnight UTC, as their date is not in them. None: it cannot send a file."""
+    """When `coastwatch feed` sends the messages of a file: (number, time) of each message with a time, numbers from 1 on.
+
+    Of lines Unix time; of datagrams, whose date is not in them, seconds since midnight UTC. None: it cannot send a file.
+    """
     options: tuple[str, ...] = ()  # that it takes behind '?' of an address, beside the name
     needs_site: bool = False  # its pictures are of ranges and bearings
     own_source: bool = False  # a feed is a track source by itself, of the name of the feed

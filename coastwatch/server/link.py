@@ -8,6 +8,7 @@ import logging
 import os
 import socket
 import threading
+from collections import Counter, deque
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -24,6 +25,9 @@ LOST_S = 30
 
 KEEPALIVE = {"TCP_KEEPIDLE": 15, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 1000 * LOST_S}
 """Seconds of silence, seconds between probes, and probes; milliseconds for which sent bytes may wait for an acknowledgement."""
+
+WITHIN_S = 60.0
+"""What is noted of counts that only grow."""
 
 
 class RadarState(TypedDict):
@@ -216,3 +220,28 @@ def reason_of(error: OSError) -> str:
         return str(error.strerror or error) or nothing_said
     reason = os.strerror(error.errno)
     return f"{reason}: is another program listening there?" if error.errno == errno.EADDRINUSE else reason
+
+
+class LastMinute:
+    """Counts by name, as they were at the instants of the last minute. Another thread may ask while one notes."""
+
+    def __init__(self, fewest: int = 1) -> None:
+        """Args: fewest: notes that are kept in any case, however old."""
+        self._fewest = fewest
+        self._notes: deque[tuple[float, Counter[str]]] = deque()
+
+    def note(self, at_s: float, **counts: int) -> None:
+        """Note the counts. Where one is less than before, its source began anew, and so does the minute. Args: at_s: now."""
+        now = Counter(counts)
+        if self._notes and not self._notes[-1][1] <= now:
+            self._notes = deque()
+        self._notes.append((at_s, now))
+        while len(self._notes) > self._fewest and self._notes[0][0] < at_s - WITHIN_S:
+            self._notes.popleft()
+
+    def change(self, newest: int | None = None) -> Counter[str]:
+        """By how much each count grew; nothing where none is noted. Args: newest: notes that are compared; None: all."""
+        notes = list(self._notes)
+        if newest is not None:
+            notes = notes[-newest:]
+        return notes[-1][1] - notes[0][1] if notes else Counter()

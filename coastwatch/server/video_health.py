@@ -11,10 +11,9 @@ import numpy as np
 
 from coastwatch.batches import COVER_RANGES, Floats, RadarCover, Sensors
 from coastwatch.centre import Cycle
-from coastwatch.formats.asterix.video_state import VideoState
+from coastwatch.formats.video_state import VideoState
 from coastwatch.geodesy import NAUTICAL_MILE_M
-from coastwatch.server.last_minute import WITHIN_S, LastMinute
-from coastwatch.server.link import FeedState, RadarState
+from coastwatch.server.link import WITHIN_S, FeedState, LastMinute, RadarState
 from coastwatch.store import VIDEO_VALUES
 
 STOPPED_TURNS, STOPPED_S = 3.0, 10.0  # without a message, the larger one: the video has stopped
@@ -46,7 +45,7 @@ class VideoHealth:
         return [self._state(radars[name], now_s) for name in sorted(radars)]
 
     def _state(self, s: VideoState, now_s: float) -> RadarState:
-        change = self._last_minute[s.name].change()
+        change = self._last_minute.get(s.name, LastMinute()).change()  # it may be newer than the last look
         spokes, lost = change["spokes"], change["lost"]
         silent_s = max(now_s - s.heard_s, 0.0)
         return {

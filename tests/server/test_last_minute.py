@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from coastwatch.server.last_minute import WITHIN_S, LastMinute
+from coastwatch.server.link import WITHIN_S, LastMinute
 
 pytestmark = pytest.mark.contract
 

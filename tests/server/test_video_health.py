@@ -11,7 +11,7 @@ import pytest
 from video_world import sensors
 
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Extractions, RadarCover
-from coastwatch.formats.asterix.video_state import VideoState
+from coastwatch.formats.video_state import VideoState
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.server.link import Link, RadarState
 from coastwatch.server.troubles import Trouble, of_feeds

@@ -13,7 +13,7 @@ import numpy as np
 from coastwatch.batches import Array, Floats, RadarVideo
 from coastwatch.formats.asterix.beam_time import FULL_TURN, BeamTime
 from coastwatch.formats.asterix.video import MOST_CELLS, VideoMessage
-from coastwatch.formats.asterix.video_state import VideoState
+from coastwatch.formats.video_state import VideoState
 
 HALF_LIGHT_M_FS = 0.5 * 299_792_458.0e-15  # range of a femtosecond
 BACK = FULL_TURN // 36  # a spoke that is less than this behind the one before stepped back

@@ -16,11 +16,11 @@ from coastwatch.formats.asterix.beam_time import FULL_TURN
 from coastwatch.formats.asterix.decoder import SAC, Origin, block_length, date_of, origins_of
 from coastwatch.formats.asterix.spokes import HALF_LIGHT_M_FS, SpokeJoiner
 from coastwatch.formats.asterix.video import MOST_CELLS, VideoMessage, VideoText, decode, encode
-from coastwatch.formats.asterix.video_state import VideoState
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps
 from coastwatch.formats.format import NAMED_BY_CODES, Format
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.intake.timestamps import DAY_S, nearest_s
+from coastwatch.formats.video_state import VideoState
 
 DAMAGED = "damaged video: "
 UNKNOWN_RADAR = "video of no radar of the scenario"

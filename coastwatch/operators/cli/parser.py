@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from coastwatch.operators.cli import reading_commands, running_commands
+from coastwatch.operators.cli import database_commands, reading_commands, running_commands
 from coastwatch.operators.cli.arguments import (
     QUESTIONS,
     SCENARIOS,
@@ -27,7 +27,7 @@ GROUPS = {
 """Summary and description of each group of commands."""
 
 
-OWN = Commands()
+COMMANDS = Commands()
 
 OF_MODELS = ("serve", "feed")
 """Commands whose options are read from models and formats, which take a second to import."""
@@ -51,7 +51,9 @@ def make_parsers(command: str | None = None) -> dict[str, Parser]:
     )
     parser.add_argument("--version", action=Version, nargs=0, help="print the version")
     parsers, places = {"": parser}, {"": parser.add_subparsers(title="commands", metavar="COMMAND", required=True)}
-    for name, act, summary, add_options in (*running_commands.COMMANDS, *reading_commands.COMMANDS, *OWN):
+    modules = running_commands, reading_commands, database_commands
+    listed = [*(one for module in modules for one in module.COMMANDS), *COMMANDS]
+    for name, act, summary, add_options in listed:
         group, _, verb = name.rpartition(" ")
         if group not in places:
             summary_of_group, description = GROUPS[group]
@@ -65,7 +67,7 @@ def make_parsers(command: str | None = None) -> dict[str, Parser]:
     return parsers
 
 
-@OWN.command("completion", "parser:print_completion", "print a completion script for a shell")
+@COMMANDS.command("completion", "parser:print_completion", "print a completion script for a shell")
 def completion(parser: Parser) -> None:
     """Print the script with which a shell completes commands, options, scenarios and questions. bash: eval "$(coastwatch
     completion bash)"; zsh: coastwatch completion zsh > FOLDER_OF_FPATH/_coastwatch.

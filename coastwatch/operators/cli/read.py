@@ -7,7 +7,7 @@ import json
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES
 from coastwatch.errors import InputError
@@ -20,7 +20,7 @@ from coastwatch.store import Rows, Store, delete_run, keep_runs, operator_querie
 
 @contextmanager
 def _run(options: argparse.Namespace) -> Iterator[tuple[Store, presentation.Run]]:
-    """The database and the run that the options name; without a number, the one that holds their time. What is strange is warned of."""
+    """The database, and the run that the options name or that holds their time. Where other runs hold some of it too it warns."""
     given = vars(options)
     with presentation.opened(options.db) as store:
         span_s = given.get("from_s"), given.get("to_s")
@@ -65,11 +65,12 @@ def runs(options: argparse.Namespace) -> int:
     if options.action == "keep" and not options.number:
         raise InputError("runs keep: got 0, needed 1 or more; `runs delete ID` deletes the last one")
     with presentation.opened(options.db) as store:
-        with report_progress("run") as show:
-            if options.action == "delete":
-                delete_run(store, options.number, show)
-            elif options.action == "keep":
-                keep_runs(store, options.number, on_part=show)
+        if options.action is not None:
+            with report_progress("run") as show:
+                if options.action == "delete":
+                    delete_run(store, options.number, show)
+                else:
+                    keep_runs(store, options.number, on_part=show)
         rows = presentation.runs(store)
     _write(rows if options.format == "json" else presentation.runs_table(rows), options)
     return 0
@@ -201,9 +202,10 @@ def query(options: argparse.Namespace) -> int:
     if question is not None and (unknown := [option for key, option in typed if key not in question.parameters]):
         raise InputError(f"query {options.name}: got {', '.join(unknown)}, needed {question.needed}")
     with presentation.opened(options.db) as store:
-        times = options.at, options.from_s, options.to_s
-        if question is not None and question.of_run and "run" not in parameters and times != (None, None, None):
-            run, said = presentation.run_of_time(store, None, options.at, (options.from_s, options.to_s))
+        span_s = _instant(parameters.get("from_s")), _instant(parameters.get("to_s"))
+        of_time = options.at is not None or span_s != (None, None)
+        if question is not None and question.of_run and "run" not in parameters and of_time:
+            run, said = presentation.run_of_time(store, None, options.at, span_s)
             parameters["run"] = str(run["id"])
             _warn(said)
         rows = presentation.answer(store, options.name, parameters, options.at)
@@ -211,6 +213,13 @@ def query(options: argparse.Namespace) -> int:
             warn_beyond_end(store, presentation.run(store, int(parameters["run"]) if "run" in parameters else None), options.at)
     _write(rows, options)
     return 0
+
+
+def _instant(text: str | None) -> float | None:
+    """The instant of a parameter; none of a text that is none: the question refuses it by its name."""
+    with suppress(ValueError):
+        return None if text is None else float(text)
+    return None
 
 
 def plot(options: argparse.Namespace) -> int:

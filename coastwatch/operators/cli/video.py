@@ -15,9 +15,9 @@ from coastwatch.batches import Array
 from coastwatch.errors import AddressError, InputError
 from coastwatch.formats.asterix.spokes import SpokeJoiner
 from coastwatch.formats.asterix.video import VideoText, decode
-from coastwatch.formats.asterix.video_state import VideoState
 from coastwatch.formats.decoding import Item
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
+from coastwatch.formats.video_state import VideoState
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.plots.video.levels import CLEANED, levels_of
 from coastwatch.sensors.recorded.wire.stream import items_of, wire_file

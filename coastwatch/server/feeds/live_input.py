@@ -35,8 +35,7 @@ from coastwatch.server.clock import CLOCK, ClockSet, now_s
 from coastwatch.server.feeds.address import Address
 from coastwatch.server.feeds.transport import Inbox, Receiver
 from coastwatch.server.input import Positions
-from coastwatch.server.last_minute import LastMinute
-from coastwatch.server.link import FeedState
+from coastwatch.server.link import FeedState, LastMinute
 from coastwatch.server.regions.client import RegionAddress
 from coastwatch.server.regions.intake import RegionIntake, resumed
 from coastwatch.server.video_health import VideoHealth
@@ -56,7 +55,7 @@ AHEAD_OF_CYCLE_S = 60.0
 """With the clock of the feeds: a feed that is so far ahead of the cycle is not read for now, so that its sender waits."""
 
 LEAST_THROWN, THROWN_SHARE = 10, 0.2
-"""A feed is in trouble when so many of its reports in a minute were thrown away, and this share; or so many and no other came."""
+"""A feed is in trouble when so many of its reports in a minute were thrown away, and this share of all; or when it used none."""
 
 MANY_SET_ASIDE = 1_000
 """A feed is in trouble while more of its MMSI wait for a second report, and are not in the picture."""

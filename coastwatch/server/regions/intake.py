@@ -9,8 +9,7 @@ from dataclasses import replace
 from coastwatch.batches import Fault, TrackReports, limits
 from coastwatch.formats.decoding import FAR_AHEAD_S
 from coastwatch.server.clock import now_s
-from coastwatch.server.last_minute import LastMinute
-from coastwatch.server.link import FeedState
+from coastwatch.server.link import FeedState, LastMinute
 from coastwatch.server.regions.client import Connection, RegionAddress
 from coastwatch.server.regions.link import NOTHING, Incoming, Position
 from coastwatch.server.regions.message import RegionCycle
