@@ -28,7 +28,7 @@ class Hearing(Batch):
     in it is of the cycle before.
     """
 
-    heard_s: Floats = column(np.float64, "R")  # newest report; -inf: none since the start
+    heard_s: Floats = column(np.float64, "R")  # newest report; -inf: none since the start; a new row is given its own
     usual_s: Floats = column(np.float64, "R", new=np.nan)  # interval between reports before; NaN: not known
     amount: Floats = column(np.float64, "R")  # vessels on AIS, or plots or tracks of a cycle, when it was heard
     silent: Bools = column(np.bool_, "R")  # no report for much longer than usual

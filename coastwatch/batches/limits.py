@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import fields, replace
-from typing import Any, TypeVar
+from typing import Any, TypeVar, assert_never
 
 import numpy as np
 
@@ -80,6 +80,8 @@ def faults_of(batch: Bounded) -> dict[str, Bools]:
                 "azimuth": ~(np.abs(batch.azimuth_rad) <= 2.0 * np.pi),
                 f"site ({LATITUDES})": ~_is_on_earth(batch.site_deg),
             }
+        case _:
+            assert_never(batch)
     return {"time": _no_time(batch.time_s, batch.received_s), **own}
 
 

@@ -13,7 +13,7 @@ from coastwatch.kernels.arrays import Array, Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class RadarVideo(Batch):
-    """Spokes of one radar at one range scale, in order of arrival. A spoke that was lost is no row. Those that are joined are of one."""
+    """Spokes of one radar at one range scale, in order of arrival. A spoke that was lost is no row."""
 
     sensor: int  # index into the scenario's radars
     first_m: float  # range of the near edge of the first cell
@@ -40,6 +40,13 @@ class RadarVideo(Batch):
     def scale(self) -> tuple[float, float, int, int]:
         """Near edge and length of a cell, m, bits and number of cells: spokes of one radar and scale can be joined."""
         return self.first_m, self.cell_m, self.bits, self.level.shape[1]
+
+    @classmethod
+    def join(cls, parts: Sequence[RadarVideo]) -> RadarVideo:
+        """The spokes of all parts, one after the other: of one, that one. Args: parts: one or more, of one radar and scale."""
+        if not parts:
+            raise ValueError("RadarVideo.join: got no part, needed one or more: no radar is known, and no scale")
+        return parts[0] if len(parts) == 1 else super().join(parts)
 
 
 @dataclass(frozen=True)

@@ -179,9 +179,8 @@ class Octants(Struct):
     bearing_row: Ints = column(np.int64, "A")
     vessel_row: Ints = column(np.int64, "A")
     octant: Ints = column(np.int64, "A")  # sensor * 8 + sector
-    left_out: int = (
-        0  # more pairs, not listed: a track has so many vessels in its octant that the nearest in bearing are listed
-    )
+    # More pairs, not listed: a track has so many vessels in its octant that the nearest in bearing are listed
+    left_out: int = 0
 
 
 @dataclass(frozen=True)

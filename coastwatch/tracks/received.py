@@ -273,10 +273,10 @@ class ReceivedTracks(Method):
 
     def _nearest(self, table: ReceivedTable, time_s: float, old: Ints, new: Ints) -> tuple[Ints, Ints]:
         """The pairs of an old and a new row that are each other's nearest, within `partner_m`. (P,), (P,)"""
-        moved_m = (time_s - table.time_s)[:, None] * np.nan_to_num(table.velocity_m_s)
-        now_deg = offset_deg(table.position_deg, moved_m)
-        here, there = earth_centred(now_deg[old]), earth_centred(now_deg[new])
-        of_old, of_new = _mutual(here, there, self.partner_m)
+        rows = np.append(old, new)
+        moved_m = (time_s - table.time_s[rows])[:, None] * np.nan_to_num(table.velocity_m_s[rows])
+        now = earth_centred(offset_deg(table.position_deg[rows], moved_m))
+        of_old, of_new = _mutual(now[: len(old)], now[len(old) :], self.partner_m)
         return old[of_old], new[of_new]
 
     def _tracks(self, table: ReceivedTable, position_m2: Floats, velocity_m2_s2: Floats, sensors: Sensors) -> Tracks:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 from marginals_textbook import by_enumeration, by_sum_product
 
-from coastwatch.kernels.association.marginals import marginals, sum_product, taken
+from coastwatch.kernels.association.marginals import marginals, plots_of_tracks, sum_product
 
 pytestmark = pytest.mark.oracle
 
@@ -105,7 +105,7 @@ def test_no_pair():
 
 def test_who_took_which_plot():
     plot, track, share = np.array([0, 0, 1, 2, 2, 3]), np.array([0, 1, 1, 0, 3, 3]), np.array([0.9, 0.1, 0.4, 0.05, 0.3, 0.3])
-    by, hit, best = taken(plot, track, share, 5, 5, 0.5)
+    by, hit, best = plots_of_tracks(plot, track, share, 5, 5, 0.5)
     assert by.tolist() == [0, -1, -1, -1, -1]
     assert hit.tolist() == [0, 3]  # track 3 took one of two
     assert best.tolist() == [0, 1, -1, 3, -1]  # of two alike the last

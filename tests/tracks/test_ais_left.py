@@ -102,10 +102,11 @@ def test_a_vessel_that_turns_keeps_its_messages_also_in_radar_shadow(method, sha
     assert last.held_mmsi.tolist() == (MMSI + last.origin).tolist()
 
 
-def test_messages_that_are_always_trusted_draw_the_track_away(drifting):
+@pytest.mark.parametrize("method", ["vimmjipda_sequential", "multi_hypothesis"])
+def test_messages_that_are_always_trusted_draw_the_track_away(method, drifting):
     """As the papers have it."""
     truth, plots, messages = drifting
-    tracker = TableTracker(method="vimmjipda_sequential", messages={"trust": "always"})
+    tracker = TableTracker(method=method, messages={"trust": "always"})
     _, out = run(tracker, plots, messages, cycles=range(2 * CYCLES))
     assert max(errors_m(tracks.take(tracks.held_mmsi == MMSI), truth).max(initial=0.0) for tracks in out) > 500.0
 

@@ -22,11 +22,11 @@ ROUNDS = 200  # of sum-product, at most
 SETTLED = 1e-9  # largest change of a message in the last round
 
 
-def taken(plot: Ints, track: Ints, share: Floats, plots: int, tracks: int, likely: float) -> tuple[Ints, Ints, Ints]:
+def plots_of_tracks(plot: Ints, track: Ints, share: Floats, plots: int, tracks: int, likely: float) -> tuple[Ints, Ints, Ints]:
     """Who took which plot. Args: plot, track, share: (A,) as of `marginals`; likely: a probability of one half or more.
 
-    Returns: the track that likely took each plot, -1: none, (M,); the tracks that likely took one, all plots of the gate together;
-    the most probable plot of each track, -1: none in its gate, (N,).
+    Returns: the track that likely took each plot, -1: none (M,); the tracks that likely took some plot of their gate; the most
+    probable plot of each track, -1: none (N,).
     """
     of_plot, best, surely = np.full(plots, -1), np.full(tracks, -1), share > likely
     of_plot[plot[surely]] = track[surely]

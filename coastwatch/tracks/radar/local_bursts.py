@@ -17,8 +17,8 @@ NEAR = 3  # cells along a side of that
 def local_burst_per_m2(plots_m: Floats, weight: Floats, tracks_m: Floats, range_m: float, expected_per_m2: float) -> Floats:
     """The density of false plots in one look at each plot, where there are far more than expected; elsewhere 0. (M,)
 
-    The density is that of the plot's cell, where the cells around it, or around one that touches it, have a burst. Plots beyond the
-    range have none.
+    The density is that of the plot's cell, where the cells around it have a burst, or those around a cell that touches it. Plots
+    beyond the range have none.
     Args: plots_m: (M, 2) from the radar, in one look; weight: (M,) how much each counts; tracks_m: (N, 2) from the radar, that exist;
     range_m: of the radar; expected_per_m2: false plots in one look.
     """

@@ -132,7 +132,7 @@ class Parts:
         return self.upkeep
 
 
-class Expected(NamedTuple):
+class ExpectedPlots(NamedTuple):
     """What a look of a radar gives at a batch of M plots, by what is learnt of the radars so far."""
 
     radars: DetectionColumns  # what each radar detects (R,)
@@ -142,19 +142,19 @@ class Expected(NamedTuple):
     unborn_per_m2: float  # density of plots of vessels without a track
 
     @property
-    def nobody_per_m2(self) -> Floats:
+    def untracked_per_m2(self) -> Floats:
         """The density of plots of no track at each plot. (M,)"""
         return self.false_per_m2 + self.unborn_per_m2
 
 
-def begin_look(parts: Parts, memory: RadarMemory, batch: PlotColumns) -> Expected:
+def begin_look(parts: Parts, memory: RadarMemory, batch: PlotColumns) -> ExpectedPlots:
     """What this look of a radar gives. What is learnt of the radar fades to its time, in place."""
     _learn_turn(parts, memory, batch)
     rules, radar = parts.existence, int(batch.sensor[0])
     detects, every = rules.by_number(memory.rates, parts.sensors.radars)
     detection, density = float(detects.probability[radar]), float(every[radar])
     false_per_m2 = _false_plots_at(parts, memory, batch, density)
-    return Expected(detects, every, detection, false_per_m2, float(rules.new_per_m2(detects.probability)[radar]))
+    return ExpectedPlots(detects, every, detection, false_per_m2, float(rules.new_per_m2(detects.probability)[radar]))
 
 
 def _learn_turn(parts: Parts, memory: RadarMemory, batch: PlotColumns) -> None:
@@ -217,7 +217,9 @@ def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: Plot
     return replace(memory, table=table, next_id=memory.next_id + len(plots), plots_alone=alone)
 
 
-def lively_candidates(parts: Parts, estimates: Estimates, rows: Ints, batch: PlotColumns, widened: float = 1.0) -> Candidates:
+def candidates_by_largest_noise(
+    parts: Parts, estimates: Estimates, rows: Ints, batch: PlotColumns, widened: float = 1.0
+) -> Candidates:
     """The plots or messages in the gates of these rows of estimates, each gate as wide as by the liveliest model.
 
     The average of the models would lose vessels that manoeuvre while they are missed. Args: widened: factor of the squared distance.
@@ -237,8 +239,8 @@ def gated_by_plots(parts: Parts, table: Table, batch: PlotColumns) -> tuple[Cand
     added = np.where(np.isfinite(table.message_s), parts.registration, 0.0)
     guided = added[table.live] > 0.0
     if not guided.any():
-        return lively_candidates(parts, table.estimates, table.live, batch), added
+        return candidates_by_largest_noise(parts, table.estimates, table.live, batch), added
     wider = batch._replace(covariance=(1.0 + parts.registration) * batch.covariance)
-    near = lively_candidates(parts, table.estimates, table.live[~guided], batch)
-    near_guided = lively_candidates(parts, table.estimates, table.live[guided], wider)
+    near = candidates_by_largest_noise(parts, table.estimates, table.live[~guided], batch)
+    near_guided = candidates_by_largest_noise(parts, table.estimates, table.live[guided], wider)
     return Candidates(*(np.concatenate(columns) for columns in zip(near, near_guided, strict=True))), added

@@ -17,7 +17,7 @@ from coastwatch.kernels.tracks.existence import EXISTS, LATELY, SURELY
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.life.existence import merge_duplicates
-from coastwatch.tracks.radar.parts import LIKELY, Expected, Parts, begin_look, begin_tracks, gated_by_plots
+from coastwatch.tracks.radar.parts import LIKELY, ExpectedPlots, Parts, begin_look, begin_tracks, gated_by_plots
 from coastwatch.tracks.radar.plot_association import PlotAssociation
 from coastwatch.tracks.radar.table import RadarMemory
 
@@ -46,7 +46,7 @@ class Jipda(PlotAssociation):
         return self._with_free_plots(parts, memory, hypotheses, probability, expected, batch), best
 
     def _update(
-        self, parts: Parts, memory: RadarMemory, hypotheses: Hypotheses, expected: Expected, batch: PlotColumns
+        self, parts: Parts, memory: RadarMemory, hypotheses: Hypotheses, expected: ExpectedPlots, batch: PlotColumns
     ) -> Floats:
         """Weigh the plots and update the tracks, in place. Returns: the probability that each pair is right. (A,)"""
         table, rules, radar, detection = memory.table, parts.existence, int(batch.sensor[0]), expected.detection
@@ -58,7 +58,7 @@ class Jipda(PlotAssociation):
         sought = (table.existence[slot] >= EXISTS) & (table.updated_s[slot] - table.radar_s[slot, radar] <= LATELY * period_s)
         r, eta = table.existence[slot], table.visibility[slot]
         missed = 1.0 - r * eta * detection
-        density = expected.false_per_m2 if self.literal else expected.nobody_per_m2
+        density = expected.false_per_m2 if self.literal else expected.untracked_per_m2
         weight = (detection * eta * r / missed)[of] * parts.joint.likelihood(table, hypotheses) / density[plot]
         probability: Floats = kernels.association.marginals.marginals(
             plot, of, weight, len(batch.time), len(slot), rules.exact_up_to
@@ -88,7 +88,7 @@ class Jipda(PlotAssociation):
         memory: RadarMemory,
         hypotheses: Hypotheses,
         probability: Floats,
-        expected: Expected,
+        expected: ExpectedPlots,
         batch: PlotColumns,
     ) -> RadarMemory:
         """The memory with what the plots of no track teach of clutter, and the tracks that they begin. Args: probability: (A,)."""
@@ -99,13 +99,13 @@ class Jipda(PlotAssociation):
             free = np.where(np.bincount(plot, minlength=count) == 0, 1.0, 0.0)
         if rules.rates.learnt:
             memory = memory.decided(clutter, parts.sensors.radars, batch, free)
-            memory.rates.false_plots[radar] += (free * expected.false_per_m2 / expected.nobody_per_m2).sum()
+            memory.rates.false_plots[radar] += (free * expected.false_per_m2 / expected.untracked_per_m2).sum()
         false = free
         if clutter.learnt is True:
             moving = np.bincount(plot, probability * memory.table.moving(hypotheses.slot)[hypotheses.track], count)
             false = np.clip(1.0 - moving, 0.0, 1.0)
         memory = memory.with_clutter(clutter, batch, false, float(parts.sensors.radars.period_s[radar]))
-        existence = free * expected.unborn_per_m2 / expected.nobody_per_m2
+        existence = free * expected.unborn_per_m2 / expected.untracked_per_m2
         least = rules.least_existence(expected.radars.probability, expected.false_of_radar_per_m2)[0][radar]
         plots = np.flatnonzero(existence >= least)
         if len(plots):

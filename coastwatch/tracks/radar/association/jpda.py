@@ -17,7 +17,7 @@ from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.stage import Probability
 from coastwatch.tracks.radar.association.nearest_neighbour import associate, update_by_single_plots
 from coastwatch.tracks.radar.life.hits import remove_duplicates
-from coastwatch.tracks.radar.parts import Parts, begin_tracks, lively_candidates
+from coastwatch.tracks.radar.parts import Parts, begin_tracks, candidates_by_largest_noise
 from coastwatch.tracks.radar.plot_association import PlotAssociation
 from coastwatch.tracks.radar.table import RadarMemory, Status
 
@@ -64,7 +64,7 @@ class Jpda(PlotAssociation):
         table, rules, radar, count = memory.table, parts.hits, int(batch.sensor[0]), len(batch.time)
         period_s, detection = float(parts.sensors.radars.period_s[radar]), rules.detection_probability
         confirmed = table.live[table.status[table.live] == Status.CONFIRMED]
-        pairs = lively_candidates(parts, table.estimates, confirmed, batch)
+        pairs = candidates_by_largest_noise(parts, table.estimates, confirmed, batch)
         due = batch.time[pairs.plot] - table.radar_s[pairs.track, radar] > 0.5 * period_s  # it took no plot in this look
         hypotheses = parts.joint.predict_to_plots(table, Candidates(*(column[due] for column in pairs)), batch)
         plot, of, tracks = hypotheses.plot, hypotheses.track, hypotheses.slot
@@ -73,7 +73,7 @@ class Jpda(PlotAssociation):
         marginals = kernels.association.marginals
         share = marginals.marginals(plot, of, weight, count, len(tracks), EXACT)
         parts.joint.update_by_shares(table, hypotheses, share, batch, self.least_model_probability)
-        by, hit, best = marginals.taken(plot, of, share, count, len(tracks), LIKELY)
+        by, hit, best = marginals.plots_of_tracks(plot, of, share, count, len(tracks), LIKELY)
         kernels.tracks.track_life.record(table.life, tracks[hit], best[hit], batch)
         table.note_moved(parts.clutter, tracks[hit])
         return np.append(tracks, -1)[by], np.maximum(1.0 - np.bincount(plot, share, count), 0.0)

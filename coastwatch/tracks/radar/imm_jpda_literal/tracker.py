@@ -183,7 +183,7 @@ class ImmJpdaLiteral(RadarMethod):
         marginals = kernels.association.marginals
         share = marginals.marginals(pairs.plot, pairs.track, weight, count, len(known), EXACT)
         update.update_by_shares(tracks, plots, pairs, share, batch.site_m)
-        by, hit, best = marginals.taken(pairs.plot, pairs.track, share, count, len(known), LIKELY)
+        by, hit, best = marginals.plots_of_tracks(pairs.plot, pairs.track, share, count, len(known), LIKELY)
         taken = np.append(known.number, -1)[by]
         _record(known, hit, best[hit], columns, radar)
         free = np.bincount(pairs.plot, minlength=count) == 0

@@ -25,7 +25,7 @@ from coastwatch.kernels.tracks.vessel_ids import IDS
 from coastwatch.tracks.radar import plots_alone
 from coastwatch.tracks.radar.messages.settings import MessageSettings
 from coastwatch.tracks.radar.motion import Filters
-from coastwatch.tracks.radar.parts import LIKELY, Parts, begin_tracks, lively_candidates
+from coastwatch.tracks.radar.parts import LIKELY, Parts, begin_tracks, candidates_by_largest_noise
 from coastwatch.tracks.radar.table import RadarMemory, Table
 
 COARSE = 16.0  # times the squared distance of the gate: among messages in it, the models of each track decide
@@ -118,7 +118,7 @@ def update_new(parts: Parts, filters: Filters, rows: Ints, messages: Messages) -
 
 def near(parts: Parts, table: Table, batch: PlotColumns) -> Candidates:
     """The messages near tracks: a message is more accurate than a track, so that models differ more than the gate of their mean."""
-    return lively_candidates(parts, table.estimates, table.live, batch, COARSE)
+    return candidates_by_largest_noise(parts, table.estimates, table.live, batch, COARSE)
 
 
 def weigh(

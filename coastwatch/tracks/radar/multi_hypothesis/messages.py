@@ -43,7 +43,7 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     with_roots,
     write_chosen,
 )
-from coastwatch.tracks.radar.parts import Parts, lively_candidates
+from coastwatch.tracks.radar.parts import Parts, candidates_by_largest_noise
 from coastwatch.tracks.radar.table import RadarMemory, Table
 
 SENDS = math.log(2.0)  # cost of an MMSI that a leaf takes: half of the vessels send none
@@ -117,7 +117,7 @@ def take_round(pruning: Pruning, parts: Parts, rules: MessageSettings, memory: R
 def _heard(parts: Parts, rules: MessageSettings, leaves: Leaves, messages: Messages) -> Heard:
     """The messages in the gate of any model of each leaf."""
     batch = columns_of(messages)
-    pairs = lively_candidates(parts, leaves.estimates, np.flatnonzero(leaves.slot >= 0), batch, COARSE)
+    pairs = candidates_by_largest_noise(parts, leaves.estimates, np.flatnonzero(leaves.slot >= 0), batch, COARSE)
     by_leaf = np.argsort(pairs.track, kind="stable")
     leaf, message = pairs.track[by_leaf], pairs.plot[by_leaf]
     since = batch.time[message] - leaves.updated_s[leaf]

@@ -36,7 +36,7 @@ from coastwatch.tracks.radar.multi_hypothesis.trees import (
     without_ended,
     write_chosen,
 )
-from coastwatch.tracks.radar.parts import Parts, begin_look, begin_tracks, lively_candidates
+from coastwatch.tracks.radar.parts import Parts, begin_look, begin_tracks, candidates_by_largest_noise
 from coastwatch.tracks.radar.plot_association import LOOKS, PlotAssociation
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
@@ -68,7 +68,7 @@ class MultiHypothesis(PlotAssociation):
         forest, table, rules = forest_of(memory, self.window), memory.table, parts.existence
         radar, sensors = int(batch.sensor[0]), parts.sensors.radars
         expected = begin_look(parts, memory, batch)
-        nobody = expected.nobody_per_m2
+        nobody = expected.untracked_per_m2
         period_s, before_s = float(sensors.period_s[radar]), table.looked_s[:, radar].copy()
         unseen_s, trees = np.full(len(before_s), -np.inf), forest.trees()
         lone = np.zeros(len(batch.time), np.bool_)
@@ -187,7 +187,7 @@ def _grown(
     """
     status, most, gap = bounds
     leaves, rules = forest.leaves, parts.existence
-    pairs = lively_candidates(parts, leaves.estimates, np.flatnonzero(leaves.slot >= 0), batch)
+    pairs = candidates_by_largest_noise(parts, leaves.estimates, np.flatnonzero(leaves.slot >= 0), batch)
     of_tree = leaves.slot[pairs.track]
     other = np.full(len(batch.time), -1)
     other[pairs.plot] = of_tree
