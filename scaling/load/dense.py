@@ -69,7 +69,9 @@ def measure(vessels: int, width_nm: float, cycles: int, scenario: str) -> dict[s
 def growth_of(runs: Sequence[dict[str, Any]], stage: str) -> float | None:
     """The exponent of growth of a stage; None of one size, and for a quick stage."""
     seconds = [run["stages_s"][stage] for run in runs]
-    return exponent([run["vessels"] for run in runs], seconds) if seconds[-1] >= LEAST_S and min(seconds) > 0.0 else None
+    if seconds[-1] < LEAST_S or min(seconds) <= 0.0:
+        return None
+    return exponent([(run["vessels"], s) for run, s in zip(runs, seconds, strict=True)])
 
 
 def table(runs: Sequence[dict[str, Any]]) -> str:

@@ -6,7 +6,7 @@ python -m scaling.load.ramp --from 1000 --to 1000000 [--cycles C] [--workers W] 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -28,32 +28,41 @@ def sizes(first: int, last: int, per_decade: int) -> list[int]:
     return [round(first * (last / first) ** (k / steps)) for k in range(steps + 1)]
 
 
-def exponent(tracks: Sequence[float], cost: Sequence[float]) -> float | None:
-    """The power of the number of tracks with which a cost grows: least squares in the logarithms. None of fewer than two."""
-    if len(tracks) < 2:
+def exponent(costs: Sequence[tuple[float, float | None]]) -> float | None:
+    """The power of a size with which a cost grows: least squares in the logarithms. Args: costs: size and cost of each run.
+
+    None of fewer than two, or where one has no cost.
+    """
+    known = [(size, cost) for size, cost in costs if cost is not None]
+    if len(known) < max(len(costs), 2):
         return None
-    return float(np.polyfit(np.log(tracks), np.log(cost), 1)[0])
+    sizes, seconds = np.log(known).T
+    return float(np.polyfit(sizes, seconds, 1)[0])
 
 
-def exponents(runs: Sequence[dict[str, Any]], size: str, stages: str, fit_from: int = 1) -> dict[str, Any]:
+def exponents(
+    runs: Sequence[dict[str, Any]], size_of: Callable[[dict[str, Any]], float], stages: str, fit_from: int = 1
+) -> dict[str, Any]:
     """Exponents of each cost and stage: over all sizes from `fit_from`, and between one size and the next.
 
-    Args: size: the key of the size in the load of a run; stages: of the seconds of its stages.
+    None where one of the sizes has no such stage. Args: size_of: a run by its figures; stages: key of the seconds of its stages.
     """
     out: dict[str, Any] = {"exponent": {}, "local": {}}
     for name in (*COSTS, *(f"{stages}.{stage}" for stage in runs[-1][stages])):
-        costs = [(f["load"][size], cost_of(f, name)) for f in runs]
-        large = [one for one in costs if one[0] >= fit_from]
-        out["exponent"][name] = exponent([n for n, _ in large], [cost for _, cost in large])
-        out["local"][name] = [exponent(*zip(*two, strict=True)) for two in pairwise(costs)]
+        costs = [(size_of(f), cost_of(f, name)) for f in runs]
+        out["exponent"][name] = exponent([one for one in costs if one[0] >= fit_from])
+        out["local"][name] = [exponent(two) for two in pairwise(costs)]
     return out
 
 
-def cost_of(figures: dict[str, Any], name: str) -> float:
-    """A cost by its name in the figures of a run, a stage with its group and a dot before it; the median where there is one."""
+def cost_of(figures: dict[str, Any], name: str) -> float | None:
+    """A cost by its name in the figures of a run, a stage with its group and a dot before it; the median where there is one.
+
+    None: this run had no such stage.
+    """
     group, _, stage = name.partition(".")
-    found = figures[group].get(stage, 0.0) if stage else figures[group]
-    return max(float(found["median"] if isinstance(found, dict) else found), 1e-6)
+    found = figures[group].get(stage) if stage else figures[group]
+    return None if found is None else max(float(found["median"] if isinstance(found, dict) else found), 1e-6)
 
 
 def text(runs: Sequence[dict[str, Any]], fitted: dict[str, Any]) -> str:
@@ -90,7 +99,7 @@ def main() -> None:
         for k, tracks in enumerate(wanted):
             progress(k, len(wanted), f"{tracks} tracks")
             runs.append(figures(CHECKOUT, ["--tracks", str(tracks), *arguments]))
-    fitted = {"fitted_from": FIT_FROM, **exponents(runs, "tracks", "stages_s", FIT_FROM)}
+    fitted = {"fitted_from": FIT_FROM, **exponents(runs, lambda f: f["tracks"], "stages_s", FIT_FROM)}
     print(json.dumps({"sizes": runs, **fitted}) if options.json else text(runs, fitted))
 
 

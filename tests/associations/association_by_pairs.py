@@ -1,6 +1,6 @@
 """Association by windowed covariance, a track, a pair and a component at a time: what the array code must give to the bit.
 
-This is how it was done before it was done by arrays. Sums are taken in the same order, with the same library functions.
+The slow way, without arrays. Sums are taken in the same order, with the same library functions.
 """
 
 from collections import Counter

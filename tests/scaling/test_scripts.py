@@ -11,9 +11,11 @@ from typing import Any
 
 import pytest
 
+from coastwatch.scenario import load_scenario
 from scaling import bench
 from scaling.load import cycle, queries, ramp, soak
-from scaling.peers import ours
+from scaling.load.accuracy import Case, load_cases
+from scaling.peers import environment, ours
 from scaling.peers.environment import peers, pins
 from scaling.peers.exchange import Stopwatch
 from scaling.peers.filterpy import adapter as filterpy, method
@@ -98,20 +100,24 @@ def test_what_cannot_be_measured_is_refused_in_one_line(
     out, err = capfd.readouterr()
     assert (end.value.code, out) == (code, "")
     assert message in err.splitlines()[-1]
+    assert "Traceback" not in err
 
 
 def test_a_ramp_has_the_exponents_of_its_costs_over_large_sizes_and_from_one_to_the_next() -> None:
+    """A stage that is not in every size has none."""
     runs = [
         {
-            "load": {"tracks": n},
+            "tracks": n,
             "compute_s": {"median": 1e-3 * n**1.5},
             "compute_cpu_s": n,
-            "stages_s": {"spots": {"median": 2 * n}},
+            "stages_s": {"spots": {"median": 2 * n}} | ({"writer": 1.0} if n > 1000 else {}),
         }
         for n in (1000, 10_000, 100_000)
     ]
-    found = ramp.exponents(runs, "tracks", "stages_s", 10_000)
-    assert found["exponent"] == pytest.approx({"compute_s": 1.5, "compute_cpu_s": 1.0, "stages_s.spots": 1.0})
+    found = ramp.exponents(runs, lambda f: f["tracks"], "stages_s", 10_000)
+    powers = {"compute_s": 1.5, "compute_cpu_s": 1.0, "stages_s.spots": 1.0, "stages_s.writer": 0.0}
+    assert found["exponent"] == pytest.approx(powers)
+    assert found["local"]["stages_s.writer"] == [None, pytest.approx(0.0)]
     assert found["local"]["compute_s"] == pytest.approx([1.5, 1.5])
 
 
@@ -143,5 +149,17 @@ def test_a_peer_does_its_task_on_our_input_about_as_well_as_we_do(of: Comparison
     assert a == pytest.approx(b, rel=0.3 if kind == "spots" else 0.02)
 
 
-def test_every_requirement_of_a_peer_is_an_exact_pin() -> None:
+def test_every_requirement_of_a_peer_is_an_exact_pin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert len(peers()) >= 3
     assert all(peer in pins(peer) for peer in peers())
+    (tmp_path / "loose").mkdir()
+    (tmp_path / "loose" / "requirements.txt").write_text("numpy==2.1.0\nscipy>=1.14\n", "utf-8")
+    monkeypatch.setattr(environment, "HERE", tmp_path)
+    with pytest.raises(ValueError, match=r"loose/requirements\.txt:2: got 'scipy>=1\.14', needed package==version"):
+        pins("loose")
+
+
+@pytest.mark.parametrize("case", load_cases(), ids=lambda case: case.name)
+def test_a_case_of_accuracy_is_a_scenario_that_loads(case: Case) -> None:
+    given = dict(setting.split("=", 1) for setting in case.settings)
+    assert load_scenario(case.scenario, given).name == case.scenario

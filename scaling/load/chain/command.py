@@ -167,7 +167,7 @@ def ramp(sizes: Sequence[int], arguments: Sequence[str]) -> dict[str, Any]:
         for k, vessels in enumerate(sizes):
             progress(k, len(sizes), f"{vessels} vessels")
             runs.append(baseline.figures(baseline.CHECKOUT, ["--vessels", str(vessels), *arguments], MODULE))
-    return {"sizes": runs, **exponents(runs, "vessels", "stages_cpu_s")}
+    return {"sizes": runs, **exponents(runs, lambda f: f["load"]["vessels"], "stages_cpu_s")}
 
 
 def ramp_text(made: dict[str, Any]) -> str:
@@ -188,7 +188,8 @@ def ramp_text(made: dict[str, Any]) -> str:
         f"{'ms; stages by processor time':<32}" + "".join(f"{f['load']['vessels']:>11d}" for f in runs) + "    exponent"
     )
     for name, power in made["exponent"].items():
-        costs = "".join(f"{1e3 * cost_of(f, name):11.1f}" for f in runs)
+        seconds = [cost_of(f, name) for f in runs]
+        costs = "".join(f"{'-':>11}" if s is None else f"{1e3 * s:11.1f}" for s in seconds)
         local = " ".join("-" if p is None else f"{p:.2f}" for p in made["local"][name])
         overall = "-" if power is None else f"{power:.2f}"
         lines.append(f"  {name.removeprefix('stages_cpu_s.'):<30}{costs}    {overall} ({local})")
