@@ -82,7 +82,7 @@ def events_of(kind: str, found: Iterator[BegunEvents]) -> list[tuple[float, str]
 
 @pytest.mark.parametrize("period_s", [3.0, 10.0])
 def test_a_vessel_that_stops_sending_within_range_is_lost_once(period_s: float, tmp_path: Path) -> None:
-    """20 vessels at 10 kn; one sends nothing for 12 minutes, and then goes on."""
+    """20 vessels at 10 kn; one sends nothing for 6 minutes, and then goes on."""
     ways = [straight((-4000.0, 600.0 * k - 6000.0), 10.0, 90.0, (300.0, 660.0) if k == 7 else (0.0, 0.0)) for k in range(20)]
     scenario = scenario_of(tmp_path, ways, 750.0, period_s)
     found = events_of("lost", begun(scenario))

@@ -79,3 +79,15 @@ def test_the_readmes_list_settings() -> None:
 @pytest.mark.parametrize("readme", READMES, ids=lambda path: path.parent.name)
 def test_each_setting_of_a_readme_is_that_of_the_scenario(readme: Path) -> None:
     assert wrong(load_scenario(readme.parent.name), readme.read_text("utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("`tracks.upkeep.delete_misses` 3", "tracks.upkeep.delete_misses: 3 in the README, 4 in the scenario"),
+        ("`tracks.upkeep.delete_mises` 4", "tracks.upkeep.delete_mises: the scenario has it not"),
+        ("`tracks.method` sided_imm", "tracks.method: sided_imm in the README, vimmjipda in the scenario"),
+    ],
+)
+def test_a_wrong_setting_is_found(row: str, said: str) -> None:
+    assert wrong(load_scenario("autoferry-3"), f"| setting | reason |\n|---|---|\n| {row} | why |\n") == [said]

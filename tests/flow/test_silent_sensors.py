@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
@@ -49,7 +50,7 @@ class World:
         self.reports = self.scenario.input.load(self.sensors, 1, self.plan).reports
         self.before = self.play(save(start_run(self.scenario, self.sensors)), range(FAILS))
 
-    def play(self, memory: bytes, numbers: Any, without: str = "", spots: Any = serial, resumed_at: int = -1) -> Seen:
+    def play(self, memory: bytes, numbers: Any, without: str = "", resumed_at: int = -1) -> Seen:
         """Cycles of these numbers, each since the one before. Args: without: what fails; resumed_at: from a checkpoint there."""
         state, seen = load(memory), Seen()
         last = numbers[0] - 1
@@ -60,7 +61,7 @@ class World:
                 reports = lacking(reports, without)
             if number == resumed_at:
                 state = load(save(state))
-            given = self.scenario, self.sensors, state, reports, now_s, spots, lambda name: nullcontext(), serial_regions
+            given = self.scenario, self.sensors, state, reports, now_s, serial, lambda name: nullcontext(), serial_regions
             state, cycle = run_cycle(*given)
             seen.dark.append(int(((cycle.picture.flags & Flag.DARK) != 0).sum()))
             begun, ended = cycle.events.begun, cycle.events.ended
@@ -95,13 +96,13 @@ def test_ais_that_fails_leaves_the_dark_vessels_as_they_are(world: World) -> Non
     before = world.before.dark[-1]
     assert before > 25
     seen = world.play(world.before.memory, MERGED, "ais")
-    assert max(abs(dark - before) for dark in seen.dark) <= 4, "a few change without the failure too"
-    assert seen.begun["dark"] <= 8
+    assert max(abs(dark - before) for dark in seen.dark) <= 2, "as many change without the failure"
+    assert seen.begun["dark"] <= 2
     assert {kind: seen.begun[kind] for kind in SILENT} == {"ais_silent": 1, "radar_silent": 0, "source_silent": 0}
     assert seen.ended["ais_silent"] == 1
     assert seen.begun["lost"] == 0
     assert seen.evidence[0].startswith("AIS station corcovado is silent: no AIS report for 30 s")
-    assert "vessels in range of corcovado: " in seen.evidence[0], seen.evidence[0]
+    assert re.search(r"vessels in range of corcovado: [1-9]\d+;", seen.evidence[0]), seen.evidence[0]
 
 
 def test_radars_that_fail_are_two_alarms_and_no_vessel_is_without_radar_or_lost(world: World) -> None:
@@ -109,7 +110,7 @@ def test_radars_that_fail_are_two_alarms_and_no_vessel_is_without_radar_or_lost(
     assert {kind: seen.begun[kind] for kind in SILENT} == {"ais_silent": 0, "radar_silent": 2, "source_silent": 0}
     assert seen.ended["radar_silent"] == 2
     assert not set(seen.lost) & set(world.before.bits[-1][0].tolist())
-    assert seen.begun["ais_without_radar"] <= 2, "those that were flagged before, as new vessels"
+    assert seen.begun["ais_without_radar"] == 0
     assert {text.split(" is silent")[0] for text in seen.evidence} == {"radar pao-de-acucar", "radar ilha-rasa"}
 
 
@@ -118,7 +119,7 @@ def test_all_that_fails_is_three_alarms(world: World) -> None:
     seen = world.play(world.before.memory, range(FAILS, ENDS), "all")
     assert {kind: seen.begun[kind] for kind in SILENT} == {"ais_silent": 1, "radar_silent": 2, "source_silent": 0}
     assert seen.begun["lost"] == 0
-    assert max(seen.dark) <= world.before.dark[-1] + 6
+    assert max(seen.dark) <= world.before.dark[-1] + 2
 
 
 def test_cycles_after_a_restart_are_computed_without_reports_and_nobody_is_lost(world: World) -> None:
@@ -126,7 +127,7 @@ def test_cycles_after_a_restart_are_computed_without_reports_and_nobody_is_lost(
     numbers = [*range(FAILS + 9, RETURNS, 10), *range(RETURNS, ENDS)]
     seen = world.play(world.before.memory, numbers, "all")
     assert seen.begun["lost"] == seen.begun["ais_contradicted"] == 0
-    assert max(seen.dark) <= world.before.dark[-1] + 6
+    assert max(seen.dark) <= world.before.dark[-1] + 2
     assert all(seen.begun[kind] == seen.ended[kind] for kind in SILENT)
     assert seen.begun["ais_silent"] == 1
 

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -568,11 +568,9 @@ def test_after_kill_9_of_the_server_the_page_follows_the_next_one_within_15_seco
 
 
 def _answers(address: str) -> bool:
-    """Whether a server answers."""
-    try:
+    with suppress(httpx.TransportError):
         return httpx.get(address).status_code == 200
-    except httpx.TransportError:
-        return False
+    return False
 
 
 def test_without_an_area_all_vessels_come_into_sight(browser: Any, tmp_path: Path) -> None:

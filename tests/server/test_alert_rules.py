@@ -136,3 +136,10 @@ def test_each_alert_is_quiet_while_all_is_well_and_fires_after_what_it_is_for(tm
     assert {trial.alert for trial in TRIALS} == alerts
     done = _by_promtool([_with_values(trial) for trial in TRIALS], tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_rule_that_stays_quiet_would_be_found(tmp_path: Path) -> None:
+    well = TRIALS[0]._replace(series=(("up" + JOB, "1x60", "1x60"),))
+    done = _by_promtool([_with_values(well)], tmp_path)
+    assert done.returncode == 1
+    assert "FAILED" in done.stderr

@@ -74,6 +74,9 @@ def each(names: Iterable[str]) -> list[Any]:
     return [pytest.param(name, marks=[pytest.mark.slow] * (name in ALIKE | ELSEWHERE)) for name in names]
 
 
+NOT_FUSED = ("autoferry-", "heymann-", "liland-", "hem-no-ais", "small-craft-harbour")
+"""Beginnings of the names of scenarios in which each vessel has one source."""
+
 QUICK = [name for name in SHIPPED if name not in SHORTENED]
 
 
@@ -95,6 +98,7 @@ def runs_whole(name: str, settings: dict[str, str], folder: Path, capsys: pytest
     assert stored(path, "SELECT status FROM run") == [("finished",)]
     assert not settings or plan.cycles * plan.period_s >= PAST_S.get(name, 0.0)
     has_finite_scores(made["scores"])
+    assert made["scores"]["fused_tracks"]["count"] > 0 or name.startswith(NOT_FUSED)
     assert name not in RECORDED or made["records"]["unaccounted"] == 0
     assert main(["db", "check", "--db", f"sqlite:///{path}"]) == 0
     assert stored(path, "PRAGMA integrity_check") == [("ok",)]
