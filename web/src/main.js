@@ -236,6 +236,7 @@ class App {
   /** Another picture, another filter or other alarms: what is shown is marked again, and everything drawn again. */
   pictureChanged() {
     const { picture } = this;
+    if (needsDetails(this.state.filter)) this.allDetails();
     if (this.shown.length !== picture.id.length) this.shown = new Uint8Array(picture.id.length);
     this.count = markShown(picture, this.state.filter, this.details, this.shown);
     for (const id of this.replaying ? [] : this.alarms.flashing) { // alarms are of now
@@ -272,13 +273,13 @@ class App {
 
   /** Fetches the details of all vessels, once a minute at most. */
   async allDetails() {
+    if (!this.picture.at) return; // that of a replay has not come
     if (performance.now() - (this.allAt ?? -Infinity) < 60000) return;
     this.allAt = performance.now();
     await this.details.all().catch((error) => this.say(error.message));
   }
 
   filterChanged() {
-    if (needsDetails(this.state.filter)) this.allDetails();
     this.pictureChanged();
     this.list.update(true);
     this.stateChanged();

@@ -95,10 +95,11 @@ export class Replay {
 
   /** Back to the live picture. */
   leave() {
+    if (this.at !== null) this.app.forgetVessels();
     this.playing = false;
     this.at = null;
     this.#wanted = null;
-    this.app.forgetVessels();
+    this.picture = new Picture();
     this.app.modeChanged();
     this.draw();
   }
