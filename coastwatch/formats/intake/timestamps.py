@@ -11,7 +11,21 @@ from operator import xor
 MILLISECONDS_FROM, MICROSECONDS_FROM, NANOSECONDS_FROM = 1e11, 1e14, 1e17
 """A Unix time this large is in a smaller unit: in seconds it would be after the year 5000."""
 
-BEHIND = re.compile(rb"(?:^|[,;\s])(\d{9,10}(?:\.\d+)?|\d{13})\s*$")
+LEAST_UNIX_S = 1e8
+"""Of a time before a sentence: a smaller number, as of a line, is no Unix time. It is of 1973."""
+
+NUMBER = re.compile(rb"\d+(?:\.\d+)?(?=[\s,;:|\])]|$)")
+COMPACT = re.compile(rb"(?:19|20|21)\d{12}")
+BEHIND = re.compile(rb"(?:^|[,;\s])(\d{9,10}(?:\.\d+)?|\d{13}|" + COMPACT.pattern + rb")\s*$")
+WRITTEN = re.compile(
+    rb"(\d{4}[-/]\d\d[-/]\d\d|\d{8})(?:T|[\s,;]+)"
+    rb"(\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?|\d{6})(?![\d.]|:\d)"
+    rb" ?(Z|[+-]\d\d(?::?\d\d)?|UTC|GMT|[AP]M|[A-Z]{1,4}T)?(?![A-Za-z\d])"
+)
+"""A date, a time of day, and a zone if there is one: an offset, or a name."""
+
+WRITTEN_BEHIND = re.compile(rb"(?:^|[,;\s])" + WRITTEN.pattern + rb"\s*$")
+UTC_NAMES = ("Z", "UTC", "GMT")
 GROUP = re.compile(rb"(\d+)G(\d+):(\d+)")
 USUAL_TAG = re.compile(rb"(?:g:\d+-\d+-(\d+),)?s:([^,:*]*),c:(\d{9,10})\*([0-9A-Fa-f]{2})")
 
@@ -40,26 +54,42 @@ def _date_s(*fields: int) -> float:
 
 
 def leading_time_s(text: bytes) -> float:
-    """The time at the start of a text: a Unix time or an ISO date and time, UTC if it has no zone; NaN if there is none."""
-    words = text.strip(b" \t,;[]()").decode("ascii", "replace")
-    first = re.split(r"[,;\t]", words, maxsplit=1)[0].strip()
-    for candidate in (first, first.split(" ")[0]):
-        try:
-            number = float(candidate)
-        except ValueError:
-            try:
-                when = datetime.fromisoformat(candidate)
-            except ValueError:
-                continue
-            return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
-        return unix_s(number) if math.isfinite(number) and number >= 0.0 else math.nan
-    return math.nan
+    """The time at the start of a text: a Unix time, 20260714033320, or a date and a time. UTC if it has no zone; NaN: there is none."""
+    begin = text.lstrip(b" \t,;[](){}")
+    if written := WRITTEN.match(begin):
+        return _written_s(written)
+    if (number := NUMBER.match(begin)) is None:
+        return math.nan
+    time_s = _compact_s(number[0]) if COMPACT.fullmatch(number[0]) else unix_s(float(number[0]))
+    return time_s if time_s >= LEAST_UNIX_S else math.nan
 
 
 def trailing_time_s(text: bytes) -> float:
-    """The Unix time at the end of the text after a checksum; NaN if there is none."""
-    match = BEHIND.search(text)
-    return unix_s(float(match[1])) if match else math.nan
+    """The time at the end of the text after a checksum, as of `leading_time_s`; NaN if there is none."""
+    if written := WRITTEN_BEHIND.search(text):
+        return _written_s(written)
+    if (match := BEHIND.search(text)) is None:
+        return math.nan
+    return _compact_s(match[1]) if COMPACT.fullmatch(match[1]) else unix_s(float(match[1]))
+
+
+def _compact_s(digits: bytes) -> float:
+    """The time of 20260714033320, UTC; NaN of other digits."""
+    text = digits.decode("ascii")
+    return _date_s(int(text[:4]), *(int(text[k : k + 2]) for k in range(4, 14, 2)))
+
+
+def _written_s(match: re.Match[bytes]) -> float:
+    """The time of a match of WRITTEN; NaN if there is no such day, or behind it is AM, PM or a zone by name."""
+    date, clock, zone = (part.decode("ascii") for part in match.groups(b""))
+    if zone.isalpha():
+        if zone not in UTC_NAMES:
+            return math.nan
+        zone = "+00:00"
+    try:
+        return datetime.fromisoformat(f"{date.replace('/', '-')}T{clock.replace(',', '.')}{zone or '+00:00'}").timestamp()
+    except ValueError:
+        return math.nan
 
 
 def pghp_s(sentence: bytes) -> float:
