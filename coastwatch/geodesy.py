@@ -47,15 +47,11 @@ def axes(position_deg: Floats) -> Floats:
     """
     lat, lon = np.radians(position_deg[..., 0]), np.radians(position_deg[..., 1])
     sp, cp, sl, cl = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
-    zero = np.zeros_like(lat)
-    return np.stack(
-        [
-            np.stack([-sl, cl, zero], -1),
-            np.stack([-sp * cl, -sp * sl, cp], -1),
-            np.stack([cp * cl, cp * sl, sp], -1),
-        ],
-        axis=-2,
-    )
+    rows = np.zeros((*lat.shape, 3, 3))
+    rows[..., 0, 0], rows[..., 0, 1] = -sl, cl
+    rows[..., 1, 0], rows[..., 1, 1], rows[..., 1, 2] = -sp * cl, -sp * sl, cp
+    rows[..., 2, 0], rows[..., 2, 1], rows[..., 2, 2] = cp * cl, cp * sl, sp
+    return rows
 
 
 def scale_m_deg(latitude_deg: Floats) -> tuple[Floats, Floats]:

@@ -54,8 +54,11 @@ class Struct:
     """
 
     def __post_init__(self) -> None:
+        layout = _layout(type(self))
+        if layout.rows and self._are_rows(layout.rows):
+            return
         sizes: dict[str, int] = {}
-        for name, dtype, shape in _layout(type(self)).columns:
+        for name, dtype, shape in layout.columns:
             got = getattr(self, name)
             if not isinstance(got, np.ndarray):
                 raise TypeError(f"{type(self).__name__}.{name}: got {type(got).__name__}, needed an array")
@@ -66,6 +69,22 @@ class Struct:
             for need, size in zip(shape, got.shape, strict=True):
                 if (sizes.setdefault(need, size) if isinstance(need, str) else need) != size:
                     raise ValueError(f"{type(self).__name__}.{name}: got shape {got.shape}, needed {shape} with {sizes}")
+
+    def _are_rows(self, columns: _Rows) -> bool:
+        """Whether each array is as needed, in a quick look that errs only to the side of no. Args: columns: `_Layout.rows`."""
+        values, size = vars(self), -1
+        for name, dtype, axes, width in columns:
+            got = values[name]
+            if type(got) is not np.ndarray or got.dtype is not dtype:
+                return False
+            shape = got.shape
+            if len(shape) != axes or (axes > 1 and shape[1:] != width):
+                return False
+            if shape[0] != size:
+                if size >= 0:
+                    return False
+                size = shape[0]
+        return True
 
     @classmethod
     def empty(cls, **sizes: int) -> Self:
@@ -105,6 +124,10 @@ class Struct:
                 require_rows(name, getattr(self, f.name), sizes[f.metadata["rows_of"]], f.metadata["least"])
 
 
+_Rows = tuple[tuple[str, np.dtype[Any], int, tuple[str | int, ...]], ...]
+"""Columns of rows: name, dtype, number of axes, and shape of a row."""
+
+
 class _Layout(NamedTuple):
     """The fields of a struct: the names of its arrays and of plain values, the arrays a batch may leave out, what each array is."""
 
@@ -114,6 +137,7 @@ class _Layout(NamedTuple):
     columns: tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...]
     new: dict[str, float]  # the value of each array in a new row
     parts: tuple[tuple[str, type[Struct]], ...]  # other structs
+    rows: _Rows  # the columns, where one letter is their first axis and no other axis has one; else none
 
 
 _LAYOUTS: dict[type, _Layout] = {}
@@ -128,7 +152,10 @@ def _layout(struct: type[Struct]) -> _Layout:
         new = {f.name: f.metadata.get("new", 0) for f in every}
         parts = tuple((f.name, f.metadata["part"]) for f in every if "part" in f.metadata)
         names, plain = ([f.name for f in every if ("shape" in f.metadata) is is_array] for is_array in (True, False))
-        _LAYOUTS[struct] = _Layout(tuple(names), tuple(plain), optional, columns, new, parts)
+        one_letter = len({shape[0] for _, _, shape in columns}) == 1
+        fixed = one_letter and not any(isinstance(size, str) for _, _, shape in columns for size in shape[1:])
+        of_rows = tuple((name, dtype, len(shape), shape[1:]) for name, dtype, shape in columns) if fixed else ()
+        _LAYOUTS[struct] = _Layout(tuple(names), tuple(plain), optional, columns, new, parts, of_rows)
     return _LAYOUTS[struct]
 
 

@@ -130,6 +130,8 @@ def solve(information: Information, centre: Floats, prior_sigma: Floats, former:
     crude: Floats = np.asarray(np.linalg.inv(normal), np.float64)
     mean = (crude @ right[:, :, None])[..., 0]
     asked = np.flatnonzero(np.maximum(*(_distance2(mean, crude, block) for block in (SITE, SCALE))) > LEAST_DISTANCE2)
+    if not len(asked):
+        return estimate._replace(mean=centre + estimate.mean)
     # First the better one of the two alone, then both, if the other one is significant beside it.
     over, best = np.zeros((2, len(centre))), [estimate, estimate]
     for k, block in enumerate((SITE, SCALE)):
@@ -139,6 +141,8 @@ def solve(information: Information, centre: Floats, prior_sigma: Floats, former:
         alone = (over[k] > 0.0) & (over[k] >= over[1 - k])
         _take(estimate, best[k], asked, alone[asked])
         rows = np.flatnonzero(alone)
+        if not len(rows):
+            continue
         both, covariance, _ = _least_squares(information, matrix, vector, prior_sigma, rows, PLAIN + SITE + SCALE)
         _take(estimate, both, rows, _excess(both.mean, covariance, other, former[rows], least[rows]) > 0.0)
     return estimate._replace(mean=centre + estimate.mean)
