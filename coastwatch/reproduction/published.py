@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -216,8 +217,9 @@ def settings_of(variant: Variant, point: Point) -> tuple[str, ...]:
     return (*variant.settings, *swept)
 
 
+@cache
 def papers() -> dict[str, dict[str, Published]]:
-    """Paper, then scenario, to its published.toml, in the order of the report. Raises: InputError for a wrong file."""
+    """Paper, then scenario, to its published.toml, in the order of the report; read once. Raises: InputError for a wrong file."""
     found: dict[str, dict[str, Published]] = {}
     for path in scenarios_folder().glob("*/published.toml"):
         made = read(path)
