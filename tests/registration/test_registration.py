@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,21 @@ BAND = 1e-6  # probability of the chi-square band: red means wrong
 LIKE_PLOTS_DEG, LIKE_PLOTS_M = 0.05, 3.0  # by which a radar that is right may be moved: a sixth, a third of a plot's noise
 
 same_method = pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
+
+
+@cache
+def course_of_few(seed: int) -> list[RadarCorrections]:
+    """A right radar and eight AIS vessels for three minutes."""
+    sea = world.Sea(seed, vessels=14, ais=8, errors=((0.0, 0.0, 0.0),))
+    return list(world.run(OnlineRegistration(), sea, 60)[2])
+
+
+@cache
+def course_of_drift(rate_deg_h: float, ais: int) -> list[RadarCorrections]:
+    """A radar that turns from 5 deg on, for ten minutes."""
+    step = rate_deg_h * world.PERIOD_S / 3600.0
+    sea = world.Sea(8, ais=ais, vessels=ais + 20)
+    return list(world.run(OnlineRegistration(), sea, 200, errors=lambda c: ((5.0 + step * c, 0.0, 0.0),))[2])
 
 
 def same(a: Any, b: Any) -> bool:
@@ -88,10 +104,9 @@ def test_two_radars_each_with_errors_of_its_own() -> None:
 
 def test_a_radar_that_is_right_is_not_shifted() -> None:
     for seed in range(4):
-        sea = world.Sea(seed, vessels=14, ais=8, errors=((0.0, 0.0, 0.0),))
-        _, given, course = world.run(OnlineRegistration(), sea, 40)
+        course = course_of_few(seed)
         assert not any(c.jumped.any() for c in course)
-        assert np.abs(world.errors_of(given, ((0.0, 0.0, 0.0),))).max() < SIGMAS
+        assert np.abs(world.errors_of(course[-1], ((0.0, 0.0, 0.0),))).max() < SIGMAS
         far = max(abs(np.degrees(c.azimuth_bias_rad[0])) for c in course[10:])
         assert far < 3.0 * LIKE_PLOTS_DEG
 
@@ -163,11 +178,10 @@ def test_the_deviation_of_the_site_is_honest() -> None:
 def test_no_site_is_moved_where_none_is_wrong() -> None:
     """Not with few vessels, nor with a range bias and vessels to one side alone, nor where AIS errs by 20 m."""
     for seed in range(3):
-        few = world.Sea(seed, vessels=14, ais=8, errors=((0.0, 0.0, 0.0),))
         one_side = world.Sea(seed, errors=((0.0, 40.0, 0.0),))
         one_side.start_m = np.column_stack([np.abs(one_side.start_m[:, 0]), 0.3 * one_side.start_m[:, 1]])
-        for sea in (few, one_side, world.Sea(seed, ais_sigma_m=20.0, errors=((0.0, 0.0, 0.0),))):
-            course = world.run(OnlineRegistration(), sea, 60)[2]
+        inexact = world.Sea(seed, ais_sigma_m=20.0, errors=((0.0, 0.0, 0.0),))
+        for course in (course_of_few(seed), *(world.run(OnlineRegistration(), sea, 60)[2] for sea in (one_side, inexact))):
             assert not any(c.site_error_m.any() or c.range_scale.any() for c in course)
 
 
@@ -206,7 +220,7 @@ def test_spoofers_among_the_references_are_outvoted() -> None:
 def test_a_drift_is_followed_and_the_deviation_tells_how_far_behind(rate_deg_h: float) -> None:
     step = rate_deg_h * world.PERIOD_S / 3600.0
     method = OnlineRegistration()
-    course = world.run(method, world.Sea(7), 200, errors=lambda c: ((5.0 + step * c, 0.0, 0.0),))[2]
+    course = course_of_drift(rate_deg_h, 40)
     behind = 5.0 + step * 199 - np.degrees(course[-1].azimuth_bias_rad[0])
     assert 0.0 < behind < 2.0 * rate_deg_h * (method.drift_memory_s + method.apply_s) / 3600.0
     assert behind < SIGMAS * np.degrees(course[-1].azimuth_sigma_rad[0])
@@ -215,10 +229,7 @@ def test_a_drift_is_followed_and_the_deviation_tells_how_far_behind(rate_deg_h: 
 def test_a_drift_is_no_larger_than_stated() -> None:
     """The error was 4 times its deviation, which forgot the newest residuals until they contradicted it by four sigma."""
     for ais in (10, 40):
-        sea = world.Sea(8, ais=ais, vessels=ais + 20)
-        course = world.run(
-            OnlineRegistration(), sea, 200, errors=lambda c: ((5.0 + 6.0 * world.PERIOD_S * c / 3600.0, 0.0, 0.0),)
-        )[2]
+        course = course_of_drift(6.0, ais)
         off = [5.0 + 6.0 * world.PERIOD_S * k / 3600.0 - np.degrees(c.azimuth_bias_rad[0]) for k, c in enumerate(course)]
         sigma = np.degrees([c.azimuth_sigma_rad[0] for c in course])
         assert np.mean((np.array(off) / sigma)[100:] ** 2) < 3.5
