@@ -49,7 +49,7 @@ SHORTENED: dict[str, dict[str, str]] = {
     "sagild-normal": SLOWER,
     "sagild-very-difficult": SLOWER,
     "video-harbour": {"cycles": "3"},
-    "solent": {"period_s": "60.0", "cycles": "28"},
+    "solent": {"period_s": "60.0", "cycles": "25"},
 }
 """Settings of a quick form of scenarios that take longer. `busy-harbour` and `solent` failed after 1,125 s of their own time."""
 
@@ -60,13 +60,17 @@ ALIKE = {
     *("autoferry-3", "autoferry-6", "autoferry-13", "autoferry-17"),
     *("heymann-figures-1-6", "heymann-figures-7-8"),  # of the scene of heymann-table-1
     *("context-driven-200", "context-driven-500", "context-driven-1000", "liland-initiation", "liland-run-time"),
+    *("hem-fast-ais", "hem-figure-3"),  # of hem-figure-2; the second has its settings
+    "rangel-tables-3-4",  # has the settings of context-driven-100
     *("rangel-literal-noise", "rangel-table-6", "rangel-table-7", "rangel-table-8"),
     *("sagild-complete", "sagild-difficult", "sagild-easy", "sagild-very-difficult", "liland-shadow"),
 }
 """Each differs from a quick one in numbers alone, and runs with the slow tests."""
 
-ELSEWHERE = {"rangel-tables-1-2", "rangel-table-5", "misregistered-radars"}
-"""Quick tests of `test_context_driven.py` and `tests/registration` run these whole. Here they run with the slow tests."""
+ELSEWHERE = {"rangel-tables-1-2", "rangel-table-5", "misregistered-radars", "autoferry-2"}
+"""Quick tests of `test_context_driven.py`, `test_real_recordings.py` and `tests/registration` run these whole.
+
+Here they run with the slow tests."""
 
 
 def each(names: Iterable[str]) -> list[Any]:
@@ -85,13 +89,16 @@ def stored(path: Path, query: str) -> list[tuple[Any, ...]]:
         return raw.execute(query).fetchall()
 
 
-def runs_whole(name: str, settings: dict[str, str], folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Run a scenario and check what it says and what is stored. It is skipped where its recording is absent."""
+def runs_whole(name: str, settings: dict[str, str], folder: Path, capsys: pytest.CaptureFixture[str], *more: str) -> None:
+    """Run a scenario and check what it says and what is stored. It is skipped where its recording is absent.
+
+    Args: more: further parts of the command line.
+    """
     if name in RECORDED and not (SHARED / RECORDED[name]).is_dir():
         pytest.skip(f"no recording: {SHARED / RECORDED[name]} is absent")
     path = folder / "run.db"
     given = [part for key, value in settings.items() for part in ("--set", f"{key}={value}")]
-    assert main(["run", name, "--json", "--db", f"sqlite:///{path}", *given]) == 0
+    assert main(["run", name, "--json", "--db", f"sqlite:///{path}", *given, *more]) == 0
     made, plan = json.loads(capsys.readouterr().out), load_scenario(name, settings).plan()
     assert (made["cycles"], made["interrupted"]) == (plan.cycles, False)
     assert stored(path, "SELECT count(*), min(number), max(number) FROM cycle") == [(plan.cycles, 0, plan.cycles - 1)]

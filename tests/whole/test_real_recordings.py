@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_every_scenario import runs_whole
 
 from coastwatch.batches import Recording, Sensors
-from coastwatch.operators.cli import main
 from coastwatch.scenario import load_scenario
 from coastwatch.sensors import Solent
 from coastwatch.server.run import run_scenario
@@ -31,7 +31,6 @@ SOLENT, AUTOFERRY, SCORER = (
 )
 needs_solent = pytest.mark.skipif(not SOLENT.is_dir(), reason=f"no recording: {SOLENT} is absent")
 needs_autoferry = pytest.mark.skipif(not AUTOFERRY.is_dir(), reason=f"no recording: {AUTOFERRY} is absent")
-needs_scorer = pytest.mark.skipif(not SCORER.is_file(), reason=f"{SCORER} is absent")
 
 SEED = 2001
 FALSE_DARK = 0.01  # of the instants of vessels that are not silent
@@ -59,12 +58,11 @@ EVERY_CYCLE = {"store.history_max_s": "0"}  # a point of every vessel in each, s
 
 
 @needs_autoferry
-@needs_scorer
-def test_autoferry_is_better_than_its_floor(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_autoferry_runs_whole_and_is_better_than_its_floor(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tracks, scored = tmp_path / "tracks.csv", tmp_path / "scored.json"
-    line = ["run", "autoferry-2", "--db", f"sqlite:///{tmp_path / 'x.db'}", "--tracks-csv", str(tracks)]
-    assert main(line) == 0
-    capsys.readouterr()
+    runs_whole("autoferry-2", {}, tmp_path, capsys, "--tracks-csv", str(tracks))
+    if not SCORER.is_file():
+        pytest.skip(f"{SCORER} is absent")
     scoring = [sys.executable, str(SCORER), "--scenario", "2", "--tracks", str(tracks), "--json", str(scored)]
     subprocess.run(scoring, check=True, capture_output=True)
     found = json.loads(scored.read_text("utf-8"))
