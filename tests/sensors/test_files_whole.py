@@ -18,6 +18,7 @@ from nmea_sentences import T0, checked, sentence, tagged, wire
 from spans import span_of
 
 from coastwatch.batches import Radars, Recording, Sensors, Sonars, Stations, TrackSources
+from coastwatch.errors import InputError
 from coastwatch.formats.intake.accounts import UNACCOUNTED, UNUSED, accounts, losses
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.sensors.recorded import files
@@ -290,3 +291,11 @@ def test_a_record_that_is_lost_is_found(tmp_path: Path) -> None:
 
 
 SPLIT = nmea.__dict__["_split"]
+
+
+def test_a_file_whose_records_are_all_set_aside_says_why(tmp_path: Path) -> None:
+    file = tmp_path / "base.csv"
+    rows = "".join(f"002190001,2024-05-06 12:00:{s:02d},55.1,10.3,Base Station\n" for s in (0, 10))
+    file.write_text(f"mmsi,time,lat,lon,class\n{rows}", "utf-8")
+    with pytest.raises(InputError, match=r"needed at least one: 2 set aside: coast station \(first at base\.csv:2\)"):
+        span_of(Tables(ais=(file,)))

@@ -47,11 +47,11 @@ def by_arrival(parts: list[AnyReports]) -> AnyReports:
 def span_of(*received_s: Floats, faults: tuple[Fault, ...] = ()) -> tuple[float, float]:
     """The whole seconds before the first and at or after the last arrival.
 
-    Raises: InputError if nothing arrived; the message lists the refused records.
+    Raises: InputError if nothing arrived; the message lists the refused records, or those set aside where none was refused.
     """
     got = [r for r in received_s if len(r)]
     if not got:
-        refusals = "; ".join(f"{f.count} {f.kind} (first at {f.where})" for f in refused(faults)) or "nothing was refused"
+        refusals = "; ".join(f"{f.count} {f.kind} (first at {f.where})" for f in refused(faults) or faults) or "nothing was refused"
         remedy = f"; if no line has a time, {REMEDY}" if any(f.kind == TIME_MISSING for f in faults) else ""
         remedy += f"; {SWAPPED}" if any(f.kind == LATITUDE for f in faults) else ""
         raise InputError(f"recorded input: got no usable record, needed at least one: {refusals}{remedy}")
