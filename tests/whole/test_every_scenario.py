@@ -78,8 +78,16 @@ def each(names: Iterable[str]) -> list[Any]:
     return [pytest.param(name, marks=[pytest.mark.slow] * (name in ALIKE | ELSEWHERE)) for name in names]
 
 
-NOT_FUSED = ("autoferry-", "heymann-", "liland-", "hem-no-ais", "small-craft-harbour")
-"""Beginnings of the names of scenarios in which each vessel has one source."""
+NOT_FUSED = (
+    "autoferry-",
+    "heymann-",
+    "liland-",
+    "hem-no-ais",
+    "small-craft-harbour",
+    "sagild-complete",
+    "sagild-very-difficult",
+)
+"""Beginnings of the names of scenarios in which each vessel has one source, of the last two in their quick form."""
 
 QUICK = [name for name in SHIPPED if name not in SHORTENED]
 
