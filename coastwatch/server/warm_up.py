@@ -1,6 +1,7 @@
 """Loads the kernels that a run calls before its first cycle, here and in its workers, so that the first cycle takes no longer.
 
 After an installation they are compiled, which takes about a minute; from then on they come from disk (`kernels/jit.py`).
+A process that begins a second run of the same kind, as a server after a failure, has them all and goes on at once.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +22,7 @@ from coastwatch.sensors.simulated.ais import AisTruth
 from coastwatch.sensors.simulated.simulation import Simulated
 from coastwatch.sensors.simulated.video import SimulatedVideo
 from coastwatch.stage import Plan, serial, serial_regions
-from coastwatch.workers import Workers
+from coastwatch.workers import ThreadedRegions, Workers
 
 CYCLES = 8  # tracks are confirmed, associated and fused by then
 START_S = 1.7e9  # any time
@@ -33,7 +35,35 @@ MOST_SENSORS = 6  # round which vessels are put
 ALONE = Workers(serial, serial_regions)
 
 
+_warm: set[object] = set()  # the kinds of runs whose kernels this process has loaded
+
+
 def warm_up(
+    scenario: Scenario, sensors: Sensors, report: Callable[[str], None], workers: Workers = ALONE, *, video: bool = False
+) -> None:
+    """Load the kernels of a run, unless this process has loaded those of a run of this kind. New worker processes have none.
+
+    Args: as of `load_kernels`.
+    """
+    kind = kind_of(scenario.model_dump(exclude={"name", "title", "store"})), _with_spots(scenario).spots.count > 1, video
+    is_here = workers.spots is serial and isinstance(workers.regions, ThreadedRegions)
+    if not is_here or kind not in _warm:
+        load_kernels(scenario, sensors, report, workers, video=video)
+    _warm.add(kind)
+
+
+def kind_of(settings: Any) -> object:
+    """Settings without their numbers, which choose no kernel, but for zeros and for what is not set: a hashable value."""
+    if isinstance(settings, dict):
+        return tuple((name, kind_of(value)) for name, value in settings.items())
+    if isinstance(settings, list | tuple | set | frozenset):
+        return frozenset(map(kind_of, settings))
+    if isinstance(settings, int | float) and not isinstance(settings, bool):
+        return type(settings), settings != 0
+    return settings
+
+
+def load_kernels(
     scenario: Scenario, sensors: Sensors, report: Callable[[str], None], workers: Workers = ALONE, *, video: bool = False
 ) -> None:
     """Run a few cycles on a few simulated vessels, and forget them.

@@ -23,8 +23,9 @@ from coastwatch.plots import CfarExtraction, ExtractionInput, ExtractionMemory
 from coastwatch.scenario import load_scenario
 from coastwatch.sensors import Tables
 from coastwatch.sensors.simulated import video as simulated_video
-from coastwatch.server.warm_up import _places, _with_spots, warm_up
-from coastwatch.workers import open_workers
+from coastwatch.server.warm_up import _places, _with_spots, kind_of, load_kernels, warm_up
+from coastwatch.stage import serial, serial_regions
+from coastwatch.workers import ThreadedRegions, Workers, open_workers
 
 pytestmark = pytest.mark.contract
 
@@ -49,17 +50,17 @@ def test_each_stage_whose_kernels_are_compiled_is_named_once_and_no_other(name: 
         @contextmanager
         def of_stage(stage: str) -> Iterator[None]:
             with timer(stage):
-                if stage not in ("spots", "octants"):
+                if stage not in ("spots", "octants") and compiled.count(stage) < 2:  # it is named at the first alone
                     compiled.append(stage)
                     njit(lambda number: number + 1)(1)
                 yield
 
         return run_cycle(*before, of_stage, regions, **named)
 
-    warm_up(scenario, scenario.sensors(), lambda text: None)  # all of its own kernels are loaded by now
+    load_kernels(scenario, scenario.sensors(), lambda text: None)  # all of its own kernels are loaded by now
     said: list[str] = []
     monkeypatch.setattr("coastwatch.server.warm_up.run_cycle", compiling)
-    warm_up(scenario, scenario.sensors(), said.append)
+    load_kernels(scenario, scenario.sensors(), said.append)
     assert {"tracks", "ais_tracks", "associations", "picture", "registration"} <= set(compiled)
     assert len(said) == len(set(compiled))
     for stage in compiled:
@@ -74,14 +75,40 @@ from coastwatch.server.warm_up import warm_up
 scenario = load_scenario("context-driven-100")
 warm_up(scenario, scenario.sensors(), print)
 """
-    for _ in range(2):  # at first kernels may be compiled
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    scenario = load_scenario("context-driven-100")
+    load_kernels(scenario, scenario.sensors(), lambda text: None)  # kernels may be compiled
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == ""
+
+
+def test_a_second_run_of_a_kind_goes_on_at_once_and_another_kind_or_new_processes_do_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loaded: list[str] = []
+    monkeypatch.setattr("coastwatch.server.warm_up.load_kernels", lambda scenario, *_, **__: loaded.append(scenario.name))
+    monkeypatch.setattr("coastwatch.server.warm_up._warm", set())
+
+    def loads(settings: dict[str, str], workers: Workers, video: bool = False) -> bool:
+        loaded.clear()
+        scenario = load_scenario("context-driven-100", settings)
+        warm_up(scenario, scenario.sensors(), lambda text: None, workers, video=video)
+        return bool(loaded)
+
+    here, there = Workers(serial, ThreadedRegions()), Workers(serial, serial_regions)
+    assert [loads({}, here), loads({}, here), loads({"cycles": "7", "input.count": "9"}, here)] == [True, False, False]
+    assert [loads({"tracks.method": "imm"}, here), loads({}, here, video=True), loads({}, there)] == [True, True, True]
+    assert [loads({"input.count": "5000"}, here), loads({"radars": "[]"}, here)] == [True, True], "several spots, no radar"
+
+
+def test_the_kind_of_a_run_has_no_number_but_zero() -> None:
+    assert kind_of({"a": 1.5, "b": (1, 2), "c": True}) == kind_of({"a": 2.5, "b": [7], "c": True})
+    for other in ({"a": 0.0}, {"a": None}, {"a": True}, {"a": "1.5"}, {"a": 2}, {"b": 1.5}):
+        assert kind_of({"a": 1.5}) != kind_of(other)
 
 
 def test_the_kernels_that_take_longest_are_loaded() -> None:
     scenario = load_scenario("context-driven-100")
-    warm_up(scenario, scenario.sensors(), lambda text: None)
+    load_kernels(scenario, scenario.sensors(), lambda text: None)
     for kernel in (
         radar_plane.to_region,
         ais_tracker.update,
@@ -105,7 +132,7 @@ def test_kernels_of_video_are_loaded_where_a_feed_has_some(by: str, monkeypatch:
         return step(self, memory, given)
 
     monkeypatch.setattr(CfarExtraction, "step", looked)
-    warm_up(scenario, scenario.sensors(), lambda text: None, video=by == "live feed")
+    load_kernels(scenario, scenario.sensors(), lambda text: None, video=by == "live feed")
     assert (sum(spokes) > 1024) == bool(by)
 
 
@@ -114,7 +141,7 @@ def test_no_land_is_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
     ring = ((54.0, 12.0), (54.1, 12.0), (54.1, 12.1))
     scenario = scenario.model_copy(update={"input": scenario.input.model_copy(update={"land_deg": (ring,)})})
     monkeypatch.setattr(simulated_video, "inside", lambda *given: pytest.fail("the land of a coast may take minutes"))
-    warm_up(scenario, replace(scenario.sensors(), land_deg=(ring,)), lambda text: None)
+    load_kernels(scenario, replace(scenario.sensors(), land_deg=(ring,)), lambda text: None)
 
 
 def test_worker_processes_have_done_both_kinds_of_work_before_the_first_cycle() -> None:
@@ -122,7 +149,7 @@ def test_worker_processes_have_done_both_kinds_of_work_before_the_first_cycle() 
     radars = f"[{radar.format('north', -23.0)}, {radar.format('south', -23.1)}]"
     scenario = load_scenario("context-driven-100", {"radars": radars})
     with open_workers("processes", 2) as workers:
-        warm_up(scenario, scenario.sensors(), lambda text: None, workers)
+        load_kernels(scenario, scenario.sensors(), lambda text: None, workers)
         assert 3 <= len(active_children()) <= 4  # two of regions, two or one of spots
         assert workers.lost() == 0
 
