@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from functools import cache
 from multiprocessing.shared_memory import SharedMemory
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -12,14 +13,18 @@ import numpy as np
 from coastwatch import batches
 from coastwatch.batches import Array
 from coastwatch.batches.plain_data import classes_in, from_tree, to_tree
-from coastwatch.regional import RegionCycle, RegionReports
 from coastwatch.stage import Arrays
 
 MARGIN = 1.25  # size of a new block over the needed size, for tracks to come
 ALIGNMENT = 64
-BATCHES = classes_in(
-    *(kind for kind in vars(batches).values() if isinstance(kind, type)), RegionReports, RegionCycle
-)  # are sent
+
+
+@cache
+def sent_classes() -> dict[str, type]:
+    """The classes that are sent. A process that has spots alone is sent none, and does not load what regions are made of."""
+    from coastwatch.regional import RegionCycle, RegionReports
+
+    return classes_in(*(kind for kind in vars(batches).values() if isinstance(kind, type)), RegionReports, RegionCycle)
 
 
 class Location(NamedTuple):
@@ -128,11 +133,11 @@ class Sent(NamedTuple, Generic[T]):
 
 def send(value: T, publisher: Publisher) -> Sent[T]:
     """Copy plain data of batches to shared memory. Raises: TypeError: other data; OSError: the system has not enough of it."""
-    tree, arrays = to_tree(value, BATCHES)
+    tree, arrays = to_tree(value, sent_classes())
     return Sent(tree, publisher.publish({"arrays": tuple(arrays)}))
 
 
 def receive(sent: Sent[T], reader: Reader) -> T:
     """The value that was sent, with arrays of its own. Args: reader: of the publisher."""
-    value: T = from_tree(sent.tree, [view.copy() for view in reader.views(sent.arrays)["arrays"]], BATCHES)
+    value: T = from_tree(sent.tree, [view.copy() for view in reader.views(sent.arrays)["arrays"]], sent_classes())
     return value
