@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ import yaml
 RULES = Path(__file__).parents[2] / "ops" / "compose" / "alerts.yml"
 JOB = '{job="coastwatch",instance="server"}'
 STEP_S = 10  # from one value to the next, as Prometheus reads the server
+LONG_STEP_S = 60  # between two looks of all rules at a trial of hours
 WELL_S = 600  # all is well until then
 
 
@@ -23,6 +25,7 @@ class Trial(NamedTuple):
     series: tuple[tuple[str, str, str], ...]  # name and labels; well, 61 values; ill
     fires_after_s: int  # of ill values, at the latest
     also_quiet_after_s: int = 0  # of ill values: too short to be an alert
+    every_s: int = STEP_S  # the rules are looked at
 
 
 def _rises(name: str, by: float, labels: str = JOB) -> tuple[str, str, str]:
@@ -101,6 +104,7 @@ TRIALS = (
         (("process_resident_memory_bytes" + JOB, "500000000x60", "500000000x2200 1200000000x400"),),
         22000 + 1900,
         22000 + 1500,
+        LONG_STEP_S,
     ),
     Trial("CoastwatchWebhookFails", (_rises("coastwatch_webhook_total", 1, '{count="failed"}'),), 30),
 )
@@ -115,14 +119,18 @@ def _tests(trial: Trial) -> list[dict[str, object]]:
     return [*asked, {"expr": firing, "eval_time": f"{fires_s}s", "exp_samples": [{"labels": "{}", "value": 1}]}]
 
 
-def _by_promtool(tests: list[dict[str, object]], folder: Path) -> subprocess.CompletedProcess[str]:
-    """What promtool says of tests with these rules."""
+def _by_promtool(trials: Sequence[Trial], folder: Path) -> subprocess.CompletedProcess[str]:
+    """What promtool says of trials of these rules: a file for each interval of looking at them."""
     program = shutil.which("promtool")
     if program is None:
         pytest.skip("promtool is not installed: it comes with Prometheus")
-    case = folder / "alerts.test.yml"
-    case.write_text(yaml.safe_dump({"rule_files": [str(RULES)], "evaluation_interval": f"{STEP_S}s", "tests": tests}), "utf-8")
-    return subprocess.run([program, "test", "rules", str(case)], capture_output=True, text=True, check=False)
+    cases = []
+    for every_s in sorted({trial.every_s for trial in trials}):
+        tests = [_with_values(trial) for trial in trials if trial.every_s == every_s]
+        cases.append(folder / f"alerts-{every_s}.test.yml")
+        of_file = {"rule_files": [str(RULES)], "evaluation_interval": f"{every_s}s", "tests": tests}
+        cases[-1].write_text(yaml.safe_dump(of_file), "utf-8")
+    return subprocess.run([program, "test", "rules", *map(str, cases)], capture_output=True, text=True, check=False)
 
 
 def _with_values(trial: Trial) -> dict[str, object]:
@@ -134,12 +142,12 @@ def _with_values(trial: Trial) -> dict[str, object]:
 def test_each_alert_is_quiet_while_all_is_well_and_fires_after_what_it_is_for(tmp_path: Path) -> None:
     alerts = {rule["alert"] for group in yaml.safe_load(RULES.read_text("utf-8"))["groups"] for rule in group["rules"]}
     assert {trial.alert for trial in TRIALS} == alerts
-    done = _by_promtool([_with_values(trial) for trial in TRIALS], tmp_path)
+    done = _by_promtool(TRIALS, tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_a_rule_that_stays_quiet_would_be_found(tmp_path: Path) -> None:
     well = TRIALS[0]._replace(series=(("up" + JOB, "1x60", "1x60"),))
-    done = _by_promtool([_with_values(well)], tmp_path)
+    done = _by_promtool([well], tmp_path)
     assert done.returncode == 1
     assert "FAILED" in done.stderr
