@@ -12,7 +12,7 @@ import numpy as np
 
 from coastwatch import batches
 from coastwatch.batches import Array
-from coastwatch.batches.plain_data import classes_in, from_tree, to_tree
+from coastwatch.batches.plain_data import Classes, classes_in, from_tree, to_tree
 from coastwatch.stage import Arrays
 
 MARGIN = 1.25  # size of a new block over the needed size, for tracks to come
@@ -20,7 +20,7 @@ ALIGNMENT = 64
 
 
 @cache
-def sent_classes() -> dict[str, type]:
+def sent_classes() -> Classes:
     """The classes that are sent. A process that has spots alone is sent none, and does not load what regions are made of."""
     from coastwatch.regional import RegionCycle, RegionReports
 
