@@ -144,7 +144,7 @@ def serve(parser: Parser) -> None:
                 completed_by(added)
 
 
-@COMMANDS.command("feed", "serving:feed", "send a simulation or a recording to live feeds")
+@COMMANDS.command("feed", "feeding:feed", "send a simulation or a recording to live feeds")
 def feed(parser: Parser) -> None:
     """Send the reports of a scenario, or the sentences of a recorded file, to live feeds by their times: a load generator, and
     a demo of live feeds. A simulation at speed 1 begins now. It prints how many lines or datagrams it sent.

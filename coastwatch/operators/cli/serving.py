@@ -1,11 +1,9 @@
-"""`serve`: the picture of a live run or of a database over HTTP and WebSocket; `feed`: reports to live feeds."""
+"""`serve`: the picture of a live run or of a database over HTTP and WebSocket."""
 
 from __future__ import annotations
 
 import argparse
-import errno
 import math
-import os
 import shutil
 import signal
 import socket
@@ -34,12 +32,11 @@ from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.slow_requests import Frames, SlowRequestGuard
 from coastwatch.operators.api.webhooks import WebHook, checked, secret_of
 from coastwatch.scenario import load_scenario
-from coastwatch.sensors import NO_INPUT, SIMULATIONS, LiveFeeds
+from coastwatch.sensors import NO_INPUT, LiveFeeds
 from coastwatch.server.deployment import Deployment, deployment, of_centre, with_track_sources, with_zones
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.outgoing import OutAddress, OutFeed, parsed_out
-from coastwatch.server.feeds.sending import of_file, of_scenario, send
 from coastwatch.server.follow import POLL_S, Follower
 from coastwatch.server.input import Input, Paced
 from coastwatch.server.link import notice_loss
@@ -48,7 +45,7 @@ from coastwatch.server.live_video import LiveVideo
 from coastwatch.server.processes import handled_by
 from coastwatch.server.regions.client import TRACKS, RegionAddress, check_files, parsed_region
 from coastwatch.server.regions.publisher import Publisher
-from coastwatch.spelling import printable, utc_text
+from coastwatch.spelling import utc_text
 from coastwatch.store import QueryLimit, Store, open_store, sole_server
 
 QUERY = QueryLimit(5.0, time.monotonic)
@@ -186,36 +183,6 @@ def _check_role(options: Deployment) -> None:
         raise InputError(f"--region: got it with --role {options.role}, needed --role centre")
     if options.role != "all" and options.scenario is None:
         raise InputError(f"--role {options.role}: got no scenario, needed one: it names the sensors and the settings")
-
-
-def feed(options: argparse.Namespace) -> int:
-    """Send a scenario or a recording to live feeds. Ctrl-C stops it: before anything was sent with exit code 130."""
-    addresses, now, path = [parsed(text) for text in options.to], False, Path(options.source)
-    if path.is_file() and path.suffix != ".toml":
-        batches = of_file(path, [address.format for address in addresses])
-    elif not path.exists() and (path.suffix or path.name != options.source):  # no name of a scenario has a dot or a slash
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), options.source)
-    else:
-        scenario = load_scenario(options.source, dict(options.settings))
-        simulated = isinstance(scenario.input, SIMULATIONS)
-        now = simulated and options.speed == 1.0
-        batches = of_scenario(scenario, scenario.sensors(), [address.format for address in addresses], now=now)
-    stop, began = threading.Event(), threading.Event()
-
-    def end(*_: object) -> None:
-        if not began.is_set() or stop.is_set():  # a second time it does not wait for what is being sent
-            raise KeyboardInterrupt
-        stop.set()
-
-    def say(text: str) -> None:
-        print(f"coastwatch: {printable(text)}", file=sys.stderr, flush=True)
-
-    with handled_by(end):
-        sent = send(batches, addresses, options.speed, stop, now=now, began=began, say=say)
-    for address in addresses:
-        unit = "datagrams" if FORMATS[address.format].in_datagrams else "lines"
-        print(f"sent {sent[address.text]} {unit} to {address.text}")
-    return 0
 
 
 def _certificate(options: Deployment) -> Certificate | None:

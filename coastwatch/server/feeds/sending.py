@@ -12,19 +12,21 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from coastwatch.batches import Reports, Sensors
 from coastwatch.errors import AddressError, InputError
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.timestamps import nearest_s
 from coastwatch.formats.registry import ENCODED, FORMATS
-from coastwatch.scenario import Scenario
 from coastwatch.sensors.recorded.nmea.feed import lines_of
 from coastwatch.sensors.recorded.wire.captures import is_capture
 from coastwatch.sensors.recorded.wire.stream import WireFile, items_of
 from coastwatch.server.feeds.address import MQTT_PORTS, Address
 from coastwatch.server.link import Backoff, Link, Reconnecting
+
+if TYPE_CHECKING:
+    from coastwatch.scenario import Scenario  # it loads all stages
 
 STEP_S = 0.2
 """Reports of so much time are sent together."""
