@@ -49,7 +49,7 @@ def test_stopped_in_the_middle_of_a_file_and_resumed_it_ends_as_if_it_had_not_be
     while stored(path) < 8:  # after the checkpoint of cycle 4
         assert begun.poll() is None, begun.communicate()
         assert time.monotonic() < until, "no cycle was stored"
-        time.sleep(0.005)
+        time.sleep(0.02)  # a cycle takes longer
     begun.send_signal(stop)
     begun.communicate(timeout=PATIENCE_S)
     assert 8 <= stored(path) < whole
