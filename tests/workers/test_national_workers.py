@@ -18,15 +18,14 @@ from scaling.load import national
 
 pytestmark = pytest.mark.contract
 
-TRACKS, CYCLES, SEED = 3000, 10, 3
+TRACKS, CYCLES, SEED = 2000, 8, 3
 LEAST = 64
 """Rows a thread at least, in place of up to 4096: so few tracks would else be the work of one thread."""
 
 SPREAD = [
     ("threads", 4, 60),
     ("processes", 1, 1),
-    ("processes", 2, 7),
-    ("processes", 4, 60),
+    ("processes", 3, 7),
 ]
 """Method, workers, spots; 0: as many as by default. All are held against one thread and the default."""
 
