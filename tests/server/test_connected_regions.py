@@ -27,7 +27,7 @@ from scaling.load.kills import is_right, kill
 pytestmark = pytest.mark.whole
 
 CYCLES = 6
-AWAY = 100  # cycles: five minutes
+AWAY = 30  # cycles: more than a region sends ahead, and than a centre merges
 TABLES = ("cycle", "vessel", "history", "member_history", "presence", "recording", "region_intake")
 
 
