@@ -378,7 +378,7 @@ def test_a_course_is_never_360() -> None:
 
 def test_ctrl_c_ends_a_run_after_a_whole_cycle(start: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     url = f"sqlite:///{tmp_path / 'x.db'}"
-    line = ["run", "context-driven-100", "--db", url, "--json", "--set", "input.count=14", "--set", "cycles=5000"]
+    line = ["run", "context-driven-100", "--db", url, "--json", "--set", "input.count=14", "--set", "cycles=1000"]
     started = start(*line)
     until = time.monotonic() + PATIENCE_S
     while time.monotonic() < until and started.poll() is None and cycles_in(url) < 3:
