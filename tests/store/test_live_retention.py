@@ -37,7 +37,7 @@ KEEP = StoreSettings(
     history_max_s=9.0,
     recording=True,
 )
-HALF = 30
+HALF = 24
 """Cycles after which no table grows: longer than the longest time that something is kept, 20 cycles."""
 
 BY = kept.Acknowledgement(1.0, "Ana", "", "loopback")
