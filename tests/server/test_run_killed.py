@@ -23,8 +23,8 @@ PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first tim
 KILLS = 2
 LONG = {
     "input.count": "30",
-    "cycles": "20",
-    "warmup_s": "30.0",
+    "cycles": "27",
+    "warmup_s": "9.0",
     "store.checkpoint_every": "4",
     "tracks.plot_origin": "estimated",  # by the default tracker
     "input.radar.clutter_per_m2": "3e-7",
@@ -32,7 +32,7 @@ LONG = {
 """Some seconds: long enough to be killed twice. A checkpoint now and then, so that what is resumed lies before what is stored."""
 
 WHOLE = 30
-"""Cycles of the whole run: 10 to warm up, and 20."""
+"""Cycles of the whole run: 3 to warm up, and 27, so that each checkpoint has scores."""
 
 
 def command(path: Path, *words: str) -> list[str]:
