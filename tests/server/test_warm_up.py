@@ -95,7 +95,8 @@ def test_a_second_run_of_a_kind_goes_on_at_once_and_another_kind_or_new_processe
         return bool(loaded)
 
     here, there = Workers(serial, ThreadedRegions()), Workers(serial, serial_regions)
-    assert [loads({}, here), loads({}, here), loads({"cycles": "7", "input.count": "9"}, here)] == [True, False, False]
+    assert [loads({}, there), loads({}, here), loads({}, here)] == [True, True, False], "what others have loaded is not here"
+    assert not loads({"cycles": "7", "input.count": "9"}, here)
     assert [loads({"tracks.method": "imm"}, here), loads({}, here, video=True), loads({}, there)] == [True, True, True]
     assert [loads({"input.count": "5000"}, here), loads({"radars": "[]"}, here)] == [True, True], "several spots, no radar"
 
