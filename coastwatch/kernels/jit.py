@@ -50,6 +50,7 @@ class KernelCache(UserProvidedCacheLocator):
         return super().from_function(py_func, py_file) if Path(py_file).is_relative_to(KERNELS) else None  # type: ignore[no-untyped-call]
 
 
+config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # type: ignore[attr-defined]  # another program may have imported it before
 # Not in the environment: a program that a hook starts may have numba, but not this class.
 if not config.CACHE_LOCATOR_CLASSES:  # type: ignore[attr-defined]
     config.CACHE_LOCATOR_CLASSES = f"{__name__}.KernelCache,UserProvidedCacheLocator"  # type: ignore[attr-defined]

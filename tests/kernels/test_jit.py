@@ -22,6 +22,7 @@ def test_a_child_process_keeps_its_kernels_in_the_folder_of_its_parent(monkeypat
 
 
 CALL = """
+import numba  # a program may have it before ours
 import numpy as np
 import coastwatch.kernels.jit as jit
 from coastwatch.kernels.tables.counting_sort import counting_sort
