@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections import deque
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -104,6 +105,30 @@ def test_a_cycle_is_the_same_to_the_bit_after_its_way_and_damaged_ones_are_refus
         decode(encode(RegionCycle("7@x", 0, 1.0, tracks())))
     with pytest.raises(MessageError, match="NUMBER@TIME"):
         decode(encode(RegionCycle("x", 1, 1.0, tracks())))
+
+
+@pytest.mark.parametrize(
+    ("changed", "needed"),
+    [
+        ({"seq": np.float64(1e300)}, "needed a whole number"),
+        ({"seq": np.uint64(2**63)}, "at most 4294967296"),
+        ({"seq": np.int64(2**62), "merged": np.int64(2**61)}, "at most 4294967296"),
+        ({"seq": np.array([5])}, "needed a whole number"),
+        ({"merged": np.float64(0.0)}, "needed a whole number"),
+        ({"run": np.array("7@\ud800")}, "needed printable ASCII"),
+        ({"run": np.array("7@a\0b")}, "needed printable ASCII"),
+        ({"run": np.array("7@" + "x" * 63)}, "65 characters"),
+    ],
+)
+def test_what_the_database_would_refuse_is_no_cycle(changed: dict[str, Any], needed: str) -> None:
+    with np.load(io.BytesIO(encode(RegionCycle("7@" + "x" * 62, 5, 1.0, tracks())))) as file:
+        arrays = dict(file)
+    changed_file, same = io.BytesIO(), io.BytesIO()
+    np.savez(changed_file, **(arrays | changed))
+    with pytest.raises(MessageError, match=needed):
+        decode(changed_file.getvalue())
+    np.savez(same, **arrays)
+    assert decode(same.getvalue()).seq == 5
 
 
 def test_sizes_and_alternatives_come_along_and_an_older_message_has_none() -> None:

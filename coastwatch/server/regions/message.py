@@ -27,6 +27,13 @@ LARGEST_MESSAGE = 1 << 27
 """Bytes of a message, 640,000 tracks, and of its arrays together: one with compressed arrays could be any size in memory."""
 
 
+LARGEST_SEQ = 1 << 32
+"""Of a cycle in a run: 136 years of one a second. Counts of cycles are stored, and sums of them are to fit in 64 bits too."""
+
+LONGEST_RUN = 64
+"""Characters of the name of a run, as its column in the database."""
+
+
 class MessageError(ValueError):
     """Bytes that are no cycle of tracks, with the reason."""
 
@@ -110,14 +117,27 @@ def decode(data: bytes) -> RegionCycle:
             raise MessageError(f"got {size} bytes of arrays, needed at most {LARGEST_MESSAGE}")
         with np.load(io.BytesIO(data)) as file:  # numpy refuses arrays of objects by default
             arrays = {name: file[name] for name in wanted if name in file.files}
-        run, seq, time_s = str(arrays["run"][()]), int(arrays["seq"]), float(arrays["time_s"])
-        merged = int(arrays.get("merged", 0))  # a region of an older version merges none
+        run, time_s = str(arrays["run"][()]), float(arrays["time_s"])
+        seq, merged = (
+            _count(arrays, "seq"),
+            _count(arrays, "merged") if "merged" in arrays else 0,
+        )  # an older region merges none
         names = [f.name for f in fields(RegionTracks) if f.name not in OPTIONAL or f.name in arrays]
         tracks = RegionTracks(**{name: arrays[name] for name in names})
     except Exception as error:  # whatever zipfile and numpy raise on damaged bytes
         raise MessageError(f"damaged cycle of tracks: {type(error).__name__}: {error}") from error
     run_number(run)
-    if seq < 1 or not 0 <= merged < seq or not np.isfinite(time_s):
-        refusal = f"got seq {seq}, {merged} merged and time {time_s}, needed 1 or more, fewer and a finite time"
+    if len(run) > LONGEST_RUN or not (run.isascii() and run.isprintable()):  # what the database would refuse
+        raise MessageError(f"run: got {run[:40]!r}, {len(run)} characters, needed printable ASCII, at most {LONGEST_RUN}")
+    if not 1 <= seq <= LARGEST_SEQ or not 0 <= merged < seq or not np.isfinite(time_s):
+        refusal = f"got seq {seq}, {merged} merged and time {time_s}, needed 1 or more, at most {LARGEST_SEQ}, fewer and a finite time"
         raise MessageError(f"cycle of tracks: {refusal}")
     return RegionCycle(run, seq, time_s, tracks, merged)
+
+
+def _count(arrays: dict[str, Any], name: str) -> int:
+    """The whole number of this name. Raises: MessageError: it is another kind of value."""
+    array = arrays[name]
+    if array.shape or array.dtype.kind not in "iu":
+        raise MessageError(f"{name}: got an array {array.shape} of {array.dtype}, needed a whole number")
+    return int(array)
