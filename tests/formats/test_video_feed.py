@@ -14,7 +14,7 @@ from coastwatch.batches import RadarVideo, Reports, Videos
 from coastwatch.errors import AddressError
 from coastwatch.formats.asterix import video_feed
 from coastwatch.formats.asterix.spokes import CHANGED, MOST_PARTS
-from coastwatch.formats.asterix.video import encode
+from coastwatch.formats.asterix.video import MOST_CELLS, encode
 from coastwatch.formats.asterix.video_feed import VIDEO, VideoDecoder, datagrams, renumbered
 from coastwatch.formats.decoding import FeedSettings, Item, decode
 
@@ -319,6 +319,71 @@ def test_what_waits_is_bounded_in_bytes(monkeypatch):
     spokes = video(made, arrivals(messages(turns=1)), 10)
     assert sum(map(len, spokes)) <= 106
     assert made.counts.dropped == SPOKES - sum(map(len, spokes))
+
+
+def bomb(records: int, cells: int = MOST_CELLS) -> Item:
+    """A datagram of so many compressed spokes of zeros, of 32 bits a cell."""
+    begin = next(messages(cells=cells))
+    spokes = [
+        begin._replace(
+            number=k,
+            start=16 * k % 65536,
+            end=16,
+            bits=32,
+            compressed=True,
+            level=np.zeros(cells, np.uint8),
+            duration_fs=50_000_000,
+        )
+        for k in range(records)
+    ]
+    body = b"".join(encode(one)[3:] for one in spokes)
+    return START_S, b"\xf0" + (3 + len(body)).to_bytes(2, "big") + body, 0
+
+
+def peak_of(made: VideoDecoder, items: list[Item]) -> int:
+    """Bytes that decoding takes at most."""
+    tracemalloc.start()
+    made.decode(items, None)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak
+
+
+def test_a_datagram_that_unpacks_to_more_cells_than_any_radar_sends_is_refused():
+    made = decoder()
+    assert peak_of(made, [bomb(40)]) < 6_000_000, "40 spokes of 65,536 cells of four octets"
+    (fault,) = made.tally.faults()
+    assert fault.kind == "damaged video: cells: too many in one datagram"
+    assert "needed at most 2097152" in fault.example
+    assert made.counts.ledger.read == 33, "the 32 before it are read"
+
+
+def test_cells_in_a_call_are_bounded_and_what_is_beyond_is_dropped_unread(monkeypatch):
+    monkeypatch.setattr(video_feed, "MOST_AT_A_TIME", 1 << 19)
+    monkeypatch.setattr(video_feed, "COLLECTED", 1 << 17)
+    monkeypatch.setattr(video_feed, "MOST_WAITING_BYTES", 1 << 17)
+    made = decoder()
+    assert peak_of(made, [bomb(8, 16_384)] * 40) < 2_000_000
+    assert made.counts.dropped >= 36
+    _, data, _ = bomb(1, 16_384)
+    refused = decoder()
+    refused.decode([(START_S, data[:-5], 0), (START_S, data[:3] + b"\xff" + data[4:], 0)] * 40, None)
+    assert refused.counts.dropped >= 60, "what is refused takes time too"
+    good = decoder()
+    assert sum(map(len, video(good, arrivals(messages(turns=1))))) == SPOKES
+    assert not good.counts.dropped
+
+
+def test_short_parts_of_long_spokes_are_collected_in_time(monkeypatch):
+    monkeypatch.setattr(video_feed, "COLLECTED", 1 << 16)
+    monkeypatch.setattr(video_feed, "MOST_WAITING_BYTES", 1 << 16)
+    begin = next(messages(cells=8_192))
+    short = [
+        begin._replace(number=2 * k, start=16 * k, end=16 * k + 16, level=begin.level[: 1 if k else None]) for k in range(400)
+    ]
+    made = decoder()
+    assert peak_of(made, arrivals(short, parts=400)) < 1_500_000, "400 spokes of 8,192 cells"
+    assert made.counts.dropped > 380
 
 
 def test_what_is_sent_is_what_comes():

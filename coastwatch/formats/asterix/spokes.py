@@ -66,6 +66,7 @@ class SpokeJoiner:
         self._longer = (0, 0)  # gaps in a row that are as long as each other; the newest
         self._turn, self._turn_s, self._turn_spokes = -1, math.nan, 0  # this turn: number, when it began, spokes that came
         self._spokes: list[Spoke] = []
+        self.cells = 0  # of the spokes that are complete and not taken
         self._videos: list[RadarVideo] = []
 
     @property
@@ -103,7 +104,7 @@ class SpokeJoiner:
         if all_of_them and self._open:
             self._close(False)
         self._flush()
-        videos, self._videos = self._videos, []
+        videos, self._videos, self.cells = self._videos, [], 0
         return videos
 
     def _lost_before(self, message: VideoMessage) -> int:
@@ -204,6 +205,7 @@ class SpokeJoiner:
                 missing = int(came.argmin()), high - low - int(came[::-1].argmin())
         if self._spokes and self._open_s < self._spokes[-1].time_s:
             self._flush()
+        self.cells += len(level)
         self._spokes.append(Spoke(parts[0].start, parts[0].end, self._open_s, level, missing))
 
     def _rescale(self, key: tuple[int, int], first: int, end: int) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -20,6 +21,9 @@ BITS = {1: 1, 2: 2, 3: 4, 4: 8, 5: 16, 6: 32}
 """Bits of a cell by the code of item 048."""
 CODES = {bits: code for code, bits in BITS.items()}
 MOST_CELLS = 65_536
+MOST_OF_A_DATAGRAM = 1 << 21
+"""Cells of all messages of a datagram, 32 of the longest spokes: one of 64 KB can hold 1,000 of them compressed to nothing."""
+
 MESSAGE, SUMMARY, VIDEO = 2, 1, 2  # FRN of the type; what types there are
 SOURCE, NUMBER, TEXT, NANO, FEMTO, RESOLUTION, COUNTERS, TIME = 1, 3, 4, 5, 6, 7, 8, 12  # FRNs of the items
 BLOCKS = {9: 4, 10: 64, 11: 256}
@@ -83,8 +87,9 @@ def decode(datagram: bytes) -> tuple[list[VideoMessage | VideoText], list[str]]:
             faults.append("block: cut short")
             break
         if datagram[at] == CATEGORY:
+            room = MOST_OF_A_DATAGRAM - sum(len(one.level) for one in out if isinstance(one, VideoMessage))
             try:
-                out += _records(datagram[at + 3 : at + length])
+                out.extend(_records(datagram[at + 3 : at + length], room))  # also those before one that is damaged
             except VideoFault as fault:
                 faults.append(str(fault))
         at += length
@@ -117,9 +122,8 @@ def encode(message: VideoMessage) -> bytes:
     return bytes([CATEGORY]) + (3 + len(body)).to_bytes(2, "big") + body
 
 
-def _records(block: bytes) -> list[VideoMessage | VideoText]:
-    """The messages of a block without its header. Raises: VideoFault."""
-    out: list[VideoMessage | VideoText] = []
+def _records(block: bytes, room: int) -> Iterator[VideoMessage | VideoText]:
+    """The messages of a block without its header. Args: room: for cells. Raises: VideoFault."""
     at = 0
     while at < len(block):
         items, at = _items(block, at)
@@ -127,12 +131,13 @@ def _records(block: bytes) -> list[VideoMessage | VideoText]:
             raise VideoFault(f"record: without source or type; got items of FRN {sorted(items)}, needed {SOURCE} and {MESSAGE}")
         sac, sic = items[SOURCE]
         if items[MESSAGE][0] == SUMMARY:
-            out.append(VideoText(sac, sic, items.get(TEXT, b"\0")[1:].decode("ascii", "replace")))
+            yield VideoText(sac, sic, items.get(TEXT, b"\0")[1:].decode("ascii", "replace"))
         elif items[MESSAGE][0] == VIDEO:
-            out.append(_video(sac, sic, items))
+            message = _video(sac, sic, items, room)
+            room -= len(message.level)
+            yield message
         else:
             raise VideoFault("record: of an unknown type")
-    return out
 
 
 def _items(block: bytes, at: int) -> tuple[dict[int, bytes], int]:
@@ -170,8 +175,8 @@ def _size(frn: int, first: int) -> int:
     raise VideoFault("item: not of category 240")
 
 
-def _video(sac: int, sic: int, items: dict[int, bytes]) -> VideoMessage:
-    """The message that items say. Raises: VideoFault."""
+def _video(sac: int, sic: int, items: dict[int, bytes], room: int) -> VideoMessage:
+    """The message that items say. Args: room: for cells. Raises: VideoFault."""
     header, block = next((f for f in (NANO, FEMTO) if f in items), 0), next((f for f in BLOCKS if f in items), 0)
     if not (header and block and {NUMBER, RESOLUTION, COUNTERS} <= items.keys()):
         absent = " and ".join(name for name, frns in NEEDED.items() if not items.keys() & frns)
@@ -181,6 +186,8 @@ def _video(sac: int, sic: int, items: dict[int, bytes]) -> VideoMessage:
     packed, code = bool(items[RESOLUTION][0] & 0x80), items[RESOLUTION][1]
     if code not in BITS or cells > MOST_CELLS:
         raise VideoFault(f"cells: more than 65,536, or of an unknown size; got {cells} of code {code}")
+    if cells > room:
+        raise VideoFault(f"cells: too many in one datagram; needed at most {MOST_OF_A_DATAGRAM}")
     raw, need = items[block][1 : 1 + octets], -(-cells * BITS[code] // 8)  # what is longer is padded
     if packed:
         raw = _inflated(raw, need)
@@ -214,7 +221,7 @@ def _levels(raw: bytes, bits: int, cells: int) -> Array:
     if bits < 8:
         shifts = np.arange(8 - bits, -1, -bits, dtype=np.uint8)
         return np.asarray(((octets[:, None] >> shifts) & np.uint8((1 << bits) - 1)).ravel()[:cells])
-    return octets[:: bits // 8]
+    return octets[:: bits // 8].copy() if bits > 8 else octets  # a view would keep all octets
 
 
 def _packed(level: Array, bits: int) -> bytes:

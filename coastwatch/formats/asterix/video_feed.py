@@ -15,7 +15,7 @@ from coastwatch.errors import AddressError, InputError
 from coastwatch.formats.asterix.beam_time import FULL_TURN
 from coastwatch.formats.asterix.decoder import SAC, Origin, block_length, date_of, origins_of
 from coastwatch.formats.asterix.spokes import HALF_LIGHT_M_FS, SpokeJoiner
-from coastwatch.formats.asterix.video import MOST_CELLS, VideoMessage, VideoText, decode, encode
+from coastwatch.formats.asterix.video import MOST_CELLS, VideoMessage, decode, encode
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps
 from coastwatch.formats.format import NAMED_BY_CODES, Format
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
@@ -36,6 +36,18 @@ SECOND_S = 2.0
 MOST_WAITING_BYTES = 256 << 20
 """Of the spokes of a feed that wait for their cycle. The oldest go first."""
 
+MOST_AT_A_TIME = 1 << 28
+"""Cells of a call of `decode`, about a second of a processor. Each counts in its message, and again in its spoke.
+
+5,000 datagrams of 25,000 cells have room. A flood of compressed spokes is dropped beyond it: it would hold up the cycle.
+"""
+
+EACH_MESSAGE = 1_024
+"""Cells that a message counts beside its own: so many take about as long as what each message takes."""
+
+COLLECTED = 1 << 24
+"""Cells after which spokes are put into their batches within a call, so that its messages have gone by then."""
+
 LEAST_CELL_M = 0.05
 MOST_PART = 32_768  # cells of a message that is sent, and octets of them: a datagram has at most 65,507
 NUMBER_AT = 8  # octet of a message that `encode` makes at which its number is, of four
@@ -45,6 +57,10 @@ KEY_AT = 5  # the same of SAC and SIC
 class _Sender(NamedTuple):
     number: int
     heard_s: float
+
+
+Arrived = tuple[VideoMessage, float, int]
+"""A message, when it came, and the number of its sender, as of `Item`."""
 
 
 class VideoDecoder:
@@ -65,6 +81,7 @@ class VideoDecoder:
         self._joiners: dict[tuple[int, int], SpokeJoiner] = {}
         self._senders: dict[tuple[int, int], _Sender] = {}
         self._videos: list[RadarVideo] = []  # that wait for their cycle
+        self._room = MOST_AT_A_TIME  # of this call of `decode`
         self._former_parts = 0  # further parts of spokes under a SAC and SIC that a radar had before
 
     @property
@@ -79,28 +96,50 @@ class VideoDecoder:
 
     def decode(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A time of day is that nearest to the reference, or to the arrival."""
-        messages: list[tuple[VideoMessage, float, int]] = []
+        messages: list[Arrived] = []
+        cells, self._room = 0, MOST_AT_A_TIME
         for arrived_s, data, sender in items:
             self._messages += 1
-            found, faults = decode(data)
-            self.counts.ledger.read += len(found) + len(faults)
+            if self._room <= cells:
+                self.counts.dropped += 1
+                continue
+            found, faults = self._read(data)
+            cells += MOST_CELLS * faults  # each may have unpacked so many
             for message in found:
-                if isinstance(message, VideoText):
-                    self.tally.add(TEXT, self._where, message.text)
-                    if (joiner := self._joiners.get((message.sac, message.sic))) is not None:
-                        joiner.state.text = message.text
-                else:
-                    messages.append((message, arrived_s, sender))
-            for fault in faults:
-                kind, _, got = fault.partition("; ")
-                self.tally.add(DAMAGED + kind, self._where, got)
-        if messages:
-            stamp_s = np.array([self._stamp_s(message, arrived_s, reference_s) for message, arrived_s, _ in messages])
-            time_s = self.stamps.times_s(stamp_s, np.array([arrived_s for _, arrived_s, _ in messages]))
-            for (message, arrived_s, sender), at_s in zip(messages, time_s.tolist(), strict=True):
-                if at_s == at_s:
-                    self._take(message, at_s, arrived_s, sender)
-            self._collect(all_of_them=False)
+                messages.append((message, arrived_s, sender))
+                cells += len(message.level) + EACH_MESSAGE
+            if cells > COLLECTED:
+                self._use(messages, reference_s)
+                messages, cells, self._room = [], 0, self._room - cells
+        self._use(messages, reference_s)
+
+    def _read(self, data: bytes) -> tuple[list[VideoMessage], int]:
+        """The video of a datagram, and how many messages are damaged. What else is in it is counted."""
+        found, faults = decode(data)
+        self.counts.ledger.read += len(found) + len(faults)
+        for fault in faults:
+            kind, _, got = fault.partition("; ")
+            self.tally.add(DAMAGED + kind, self._where, got)
+        video = []
+        for message in found:
+            if isinstance(message, VideoMessage):
+                video.append(message)
+                continue
+            self.tally.add(TEXT, self._where, message.text)
+            if (joiner := self._joiners.get((message.sac, message.sic))) is not None:
+                joiner.state.text = message.text
+        return video, len(faults)
+
+    def _use(self, messages: list[Arrived], reference_s: float | None) -> None:
+        """Take messages and what they complete. Args: reference_s: as of `decode`."""
+        if not messages:
+            return
+        stamp_s = np.array([self._stamp_s(message, arrived_s, reference_s) for message, arrived_s, _ in messages])
+        time_s = self.stamps.times_s(stamp_s, np.array([arrived_s for _, arrived_s, _ in messages]))
+        for (message, arrived_s, sender), at_s in zip(messages, time_s.tolist(), strict=True):
+            if at_s == at_s:
+                self._take(message, at_s, arrived_s, sender)
+        self._collect(all_of_them=False)
 
     def reports_between(self, after_s: float, until_s: float) -> Reports:
         """As `ReportsBetween`."""
@@ -183,6 +222,8 @@ class VideoDecoder:
             state.untimed_s = heard_s
         if not joiner.add(message, time_s, arrived_s):
             self.tally.add(OUT_OF_ORDER, self._where, f"number {message.number}")
+        if joiner.cells > COLLECTED:  # a short part may make a long spoke
+            self._collect(all_of_them=False)
 
     def _collect(self, *, all_of_them: bool) -> None:
         """Take what the radars have completed. Args: as of `SpokeJoiner.take`."""
@@ -202,6 +243,7 @@ class VideoDecoder:
         """Show video, and let it wait for its cycle."""
         for video in videos:
             self._feed.on_video(video)
+            self._room -= video.level.size
         self._videos += videos
 
 
