@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 from nmea_sentences import ASSUMED, SOUND, T0, checked, read, read_all, sentence, tagged, wire, write
 
+from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.nmea.messages import Assembler
+from coastwatch.formats.nmea.sentences import ais_sentences
 from coastwatch.sensors.recorded.nmea.feed import Nmea
 
 pytestmark = pytest.mark.golden
@@ -172,3 +176,36 @@ def test_values_that_no_message_can_hold_are_counted_and_not_used(tmp_path: Path
     assert np.isnan(reports.cog_deg).tolist() == [False, True, True, True]
     counted = faults["set aside: COG that no message can hold, taken as not available"]
     assert (counted.count, counted.where) == (2, "feed.nmea:3")
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        f"AIVDM,2,1,3,{'A' * 60_000},55P5TL01VIaAL@7WKO,0",
+        "AIVDM,2,1,3,ABC,55P5TL01VIaAL@7WKO,0",
+        "AIVDM,2,1,123,A,55P5TL01VIaAL@7WKO,0",
+        f"AIVDM{'X' * 300},2,1,3,A,55P5TL01VIaAL@7WKO,0",
+        f"AIVDM,2,1,3,A,55P5TL01VIaAL@7WKO,{'0' * 60_000}",
+    ],
+)
+def test_a_sentence_with_fields_longer_than_any_logger_writes_is_undecodable(body: str) -> None:
+    tally = Tally()
+    sentences = list(ais_sentences([f"!{body}*{checked(body)}".encode(), SOUND.encode()], "feed", tally))
+    assembler = Assembler("feed", tally)
+    assert len(assembler.whole(sentences, False).line) == 1
+    assert {fault.kind: fault.count for fault in tally.faults()} == {"undecodable": 1}
+    assert assembler.waiting == 0
+
+
+def test_what_is_remembered_of_a_sender_of_long_tag_blocks_is_little() -> None:
+    five = wire({"msg_type": 5, "mmsi": 257000001, "shipname": "NORD"})[0]
+    tally, assembler = Tally(), Assembler("feed", Tally())
+    tracemalloc.start()
+    for k in range(50):
+        line = tagged(f"s:{k}{'x' * 20_000},c:1357134218", five)
+        (kept,) = ais_sentences([line.encode()], "feed", tally)
+        assembler.whole([kept], False)
+        assert (kept.station, math.isnan(kept.own_s)) == (b"", True)
+    assert tracemalloc.get_traced_memory()[0] < 200_000
+    tracemalloc.stop()
+    assert {fault.kind: fault.count for fault in tally.faults()} == {"tag block checksum": 50}

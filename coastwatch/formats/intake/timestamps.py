@@ -27,6 +27,9 @@ WRITTEN = re.compile(
 WRITTEN_BEHIND = re.compile(rb"(?:^|[,;\s])" + WRITTEN.pattern + rb"\s*$")
 UTC_NAMES = ("Z", "UTC", "GMT")
 GROUP = re.compile(rb"(\d+)G(\d+):(\d+)")
+LONGEST_TAG = 256
+"""Characters of a tag block. NMEA 0183 says 80, and some loggers write a little more. What it says is remembered."""
+
 USUAL_TAG = re.compile(rb"(?:g:\d+-\d+-(\d+),)?s:([^,:*]*),c:(\d{9,10})\*([0-9A-Fa-f]{2})")
 
 
@@ -120,9 +123,16 @@ def clock_s(sentence: bytes) -> float:
     return whole + second
 
 
-@lru_cache(maxsize=4096)
 def tag_block(text: bytes) -> tuple[bool, float, bytes, bytes]:
-    """Whether the checksum of a tag block is correct, its time (NaN: none), its station and its group (empty: none)."""
+    """Whether the checksum of a tag block is correct, its time (NaN: none), its station and its group (empty: none).
+
+    One that is too long is as one with a wrong checksum: nothing of it is used.
+    """
+    return _tag_block(text) if len(text) <= LONGEST_TAG else (False, math.nan, b"", b"")
+
+
+@lru_cache(maxsize=4096)
+def _tag_block(text: bytes) -> tuple[bool, float, bytes, bytes]:
     usual = USUAL_TAG.fullmatch(text)
     if usual is not None and checksum(text[:-3]) == int(usual[4], 16):
         return True, float(usual[3]), usual[2], usual[1] or b""

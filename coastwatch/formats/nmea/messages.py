@@ -18,11 +18,15 @@ UNDECODABLE = "undecodable"
 
 FIELDS = 7  # of a sentence: tag, parts, part, message, channel, payload, fill bits with checksum
 LONGEST_PAYLOAD = 200
+LONGEST_SENTENCE = 256
+"""Characters. NMEA 0183 says 82, but some loggers write a whole message into one: the payload above, and room for their own fields."""
+
+LONGEST_CHANNEL, LONGEST_NUMBER = 2, 2  # characters: A, B, 1 or 2; 0 to 9, by some gateways to 99
 FILL_BITS = {str(k).encode(): k for k in range(6)}
 PARTS = {str(k).encode(): k for k in range(1, 10)}
 PART_LINES = 1000  # largest distance between the parts of one message
 PART_SECONDS = 30.0  # and largest time between them
-MOST_SLOTS = 4096  # kinds of messages of several parts whose station is remembered
+MOST_SLOTS = 1024  # kinds of messages of several parts whose station is remembered: number, channel, parts, VDM or VDO
 HEX = np.array([int(chr(c), 16) if chr(c) in "0123456789abcdefABCDEF" else 256 for c in range(256)])
 
 
@@ -134,7 +138,7 @@ class Assembler:
         raw = received.sentence
         kind = EMPTY if right else CHECKSUM
         if sentence is None:
-            kind = HALF_A_LINE if raw.count(b",") < FIELDS - 1 else UNDECODABLE
+            kind = HALF_A_LINE if len(raw) <= LONGEST_SENTENCE and raw.count(b",") < FIELDS - 1 else UNDECODABLE
         self._tally.add(kind, f"{self._name}:{received.line}", raw)
 
     def _join(self, at: ReceivedSentence, sentence: _Sentence) -> _Open | None:
@@ -177,6 +181,8 @@ class Assembler:
 
 def _parsed(raw: bytes) -> _Sentence | None:
     """The fields of a sentence; None for one that has not its form (IEC 61162-1)."""
+    if len(raw) > LONGEST_SENTENCE:
+        return None
     fields = raw.split(b",")
     if len(fields) < FIELDS or not raw.isascii():
         return None
@@ -184,6 +190,8 @@ def _parsed(raw: bytes) -> _Sentence | None:
     padding = fields[-1][:-3]
     counted, number, fill = PARTS.get(count), PARTS.get(part), FILL_BITS.get(padding, 0)
     if counted is None or number is None or number > counted or len(payload) > LONGEST_PAYLOAD:
+        return None
+    if len(message) > LONGEST_NUMBER or len(channel) > LONGEST_CHANNEL:
         return None
     if (message and not message.isdigit()) or (not fill and padding != b"0" and padding.isdigit()):
         return None
