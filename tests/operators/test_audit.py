@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import logging
 import time
 from pathlib import Path
 
@@ -11,6 +13,8 @@ from server_world import Served, listening, raise_alarm, wait_for
 from starlette.datastructures import Headers
 
 from coastwatch.errors import InputError
+from coastwatch.formats.intake.faults import Tally
+from coastwatch.operators.api import logs
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.people import Tokens, add, trusted
 
@@ -82,3 +86,28 @@ def test_behind_a_proxy_nobody_else_is_answered(served: Served, tmp_path: Path) 
             assert answer.status_code == status
             if status == 200:
                 assert (answer.json()["name"], answer.json()["role"]) == ("ana", "operator")
+
+
+@pytest.mark.parametrize("form", ["text", "json"])
+def test_no_text_of_others_makes_a_line_of_the_log_or_moves_a_cursor(form: str) -> None:
+    path = "/api/v1/x\ncoastwatch: stopped\n\x1b[2J\u202e"
+    error = ValueError("\x1b[2J\u202e")
+    record = logging.makeLogRecord(
+        {"name": "coastwatch.serve", "levelno": logging.WARNING, "levelname": "WARNING", "msg": "refused: %s", "args": (path,)}
+    )
+    record.exc_info = type(error), error, None
+    record.fields = {"path": path}
+    said = logs._Lines(form == "json").format(record)
+    assert all(line.isprintable() for line in said.split("\n"))
+    assert not any(line.startswith("coastwatch: stopped") for line in said.split("\n"))
+    if form == "json":
+        assert json.loads(said)["path"] == path
+
+
+def test_examples_of_faults_are_printable() -> None:
+    tally = Tally()
+    tally.add("unknown radar", "feed\x1b:3", "north\x1b[2J\n\u202e")
+    tally.add("bytes", "feed:4", b"\x1b" * 100)
+    first, second = tally.faults()
+    assert (first.where, first.example) == (r"feed\x1b:3", r"north\x1b[2J\n\u202e")
+    assert second.example == r"\x1b" * 20

@@ -21,6 +21,7 @@ from coastwatch.formats.format import NAMED_BY_CODES, Format
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.formats.intake.timestamps import DAY_S, nearest_s
 from coastwatch.formats.video_state import VideoState
+from coastwatch.spelling import printable
 
 DAMAGED = "damaged video: "
 UNKNOWN_RADAR = "video of no radar of the scenario"
@@ -127,7 +128,7 @@ class VideoDecoder:
                 continue
             self.tally.add(TEXT, self._where, message.text)
             if (joiner := self._joiners.get((message.sac, message.sic))) is not None:
-                joiner.state.text = message.text
+                joiner.state.text = printable(message.text)
         return video, len(faults)
 
     def _use(self, messages: list[Arrived], reference_s: float | None) -> None:

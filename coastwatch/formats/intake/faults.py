@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from coastwatch.batches import Array, Fault, FileContent
+from coastwatch.spelling import printable
 
 SET_ASIDE = "set aside: "
 """Prefix of the kinds of valid records that are not used: base stations, duplicates, comments of a gateway."""
@@ -30,13 +31,17 @@ class Tally:
         self._contents: list[FileContent] = []
 
     def add(self, kind: str, where: str, example: str | bytes = "", count: int = 1, *, used: bool = False) -> None:
-        """Count records of a kind. The first call of a kind also stores its location and an example. Args: used: as of Fault."""
+        """Count records of a kind. The first call of a kind also stores its location and an example. Args: used: as of Fault.
+
+        Both are stored printable: they come out in logs, lists and answers.
+        """
         fault = self._faults.get(kind)
         if fault is not None:
             self._faults[kind] = replace(fault, count=fault.count + count)
             return
         text = example.decode("ascii", "backslashreplace") if isinstance(example, bytes) else example
-        self._faults[kind] = Fault(kind, count, where, text[:EXAMPLE_LENGTH], used)
+        shown = printable(text[:EXAMPLE_LENGTH])[:EXAMPLE_LENGTH]
+        self._faults[kind] = Fault(kind, count, printable(where), shown, used)
 
     def add_rows(
         self, kind: str, rows: Array, where: Callable[[int], str], example: Callable[[int], str], *, used: bool = False

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any, Self
 
 from coastwatch.operators.api.service import Service
-from coastwatch.spelling import utc_text
+from coastwatch.spelling import printable, printable_lines, utc_text
 
 LOG = logging.getLogger("coastwatch.serve")
 POLL_S = 1.0
@@ -19,7 +19,7 @@ NUMBER = re.compile(r"\d[\d,.]* ?\w*")  # with what it counts: a text whose numb
 
 
 class _Lines(logging.Formatter):
-    """A record as one line. Its `fields` are more keys."""
+    """A record as one line. Its `fields` are more keys. As text nothing in it can make another line or move a cursor."""
 
     def __init__(self, as_json: bool) -> None:
         super().__init__()
@@ -31,8 +31,8 @@ class _Lines(logging.Formatter):
         if not self.as_json:
             named = ", ".join(f"{name} {value}" for name, value in fields.items())
             head = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
-            line = f"coastwatch: {head}{record.getMessage()}" + (f" ({named})" if named else "")
-            return f"{line}\n{trouble}" if trouble else line
+            line = printable(f"coastwatch: {head}{record.getMessage()}" + (f" ({named})" if named else ""))
+            return f"{line}\n{printable_lines(trouble)}" if trouble else line
         when = utc_text(record.created)
         row = {"time": when, "level": record.levelname.lower(), "logger": record.name, "message": record.getMessage(), **fields}
         return json.dumps({**row, "trace": trouble} if trouble else row, default=str)
@@ -54,7 +54,7 @@ def say(line: str, **fields: Any) -> None:
     if handlers and isinstance(handlers[0].formatter, _Lines) and handlers[0].formatter.as_json:
         LOG.info(line.removeprefix("coastwatch: "), extra={"fields": fields})
     else:
-        print(line, file=sys.stderr, flush=True)
+        print(printable(line), file=sys.stderr, flush=True)
 
 
 class Watch:
