@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import resource
 import socket
@@ -25,6 +26,7 @@ from coastwatch.operators.api import bounds, guard, validation
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.people import Limits, Tokens, add
+from coastwatch.operators.api.streaming import take_messages
 
 pytestmark = pytest.mark.whole
 
@@ -33,6 +35,29 @@ MOST_SENT = 16 << 20
 
 GROWTH = 24 << 20
 """Of the memory of this process while a flood comes: the tests and the server share it."""
+
+
+class _Telling:
+    """A socket whose other side says one text."""
+
+    def __init__(self, text: str) -> None:
+        self.text, self.closed = text, [0]
+
+    async def receive_text(self) -> str:
+        return self.text
+
+    async def close(self, code: int, reason: str) -> None:
+        self.closed = [code]
+
+
+@pytest.mark.parametrize("text", ['{"run": "x", "seq": 1e999}', "[" * 60_000, '{"run": "x", "seq": NaN}', "null", "[]"])
+def test_a_message_that_is_no_answer_closes_the_socket_with_a_code(text: str) -> None:
+    def take(text: str) -> int:
+        return int(json.loads(text)["seq"])
+
+    told = _Telling(text)
+    asyncio.run(take_messages(told, take, "needed a number"))  # type: ignore[arg-type]
+    assert told.closed == [4400]
 
 
 def memory() -> int:

@@ -38,7 +38,7 @@ async def take_messages(socket: WebSocket, take: Callable[[str], object], needed
     while True:
         try:
             take(await socket.receive_text())
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):  # the last two: 1e999 as a number; 60,000 `[`
             await socket.close(BAD_MESSAGE, needed)
             return
 
