@@ -38,10 +38,12 @@ from coastwatch.sensors.recorded.merging import FileTimes, MergedStream, by_arri
 from coastwatch.sensors.recorded.nmea.feed import Nmea, first_and_last
 from coastwatch.sensors.recorded.nmea.targets import target_reports, target_times
 from coastwatch.sensors.recorded.tables.ais import AisColumns, AisTable
-from coastwatch.sensors.recorded.tables.reader import Separator, Table, read_table
+from coastwatch.sensors.recorded.tables.reader import Separator, Table, plain_name, read_table
 from coastwatch.sensors.recorded.tables.rows import (
+    AZIMUTHS,
     PLOTS,
     POSITION_ENTRIES,
+    RANGES,
     arrived,
     content_of,
     find_columns,
@@ -52,6 +54,7 @@ from coastwatch.sensors.recorded.tables.rows import (
     stamps_of,
     to_both_sides,
 )
+from coastwatch.sensors.recorded.tables.stated_units import angle_doubts, range_doubts
 from coastwatch.sensors.recorded.tables.tracks import TrackColumns, track_reports
 from coastwatch.sensors.recorded.video.feed import FORMAT as VIDEO, VideoFileStream
 from coastwatch.sensors.recorded.video.haxr import HaxrFile
@@ -63,6 +66,9 @@ UNKNOWN_RADAR, UNKNOWN_SONAR = "unknown radar", "unknown sonar"
 RANGE = "range out of range"
 AZIMUTH = "angle out of range"
 NO_SIGMA = SET_ASIDE + "standard deviation of 0 or less, that of the sensor taken: "
+
+RANGE_M = {"range_m": 1.0, "range_nm": NAUTICAL_MILE_M, "range_km": 1000.0}
+"""Metres of the unit of each column of ranges."""
 
 PARTS = ("plots", "bearings", "ais", "nmea", "tracks", "track_sentences", "feeds", "pictures", "haxr")
 """Settings that hold files."""
@@ -78,7 +84,9 @@ class PlotColumns(Settings):
     radar: str | None = None  # name of the radar in the scenario; not needed for a single radar
     range_m: str | None = None  # m
     range_nm: str | None = None  # instead of `range_m`
+    range_km: str | None = None  # instead of `range_m`
     azimuth: str | None = None  # deg true
+    azimuth_rad: str | None = None  # instead of `azimuth`: radians from true north
     latitude: str | None = None  # deg, of the plot, instead of range and azimuth
     longitude: str | None = None  # deg, of the plot, instead of range and azimuth
     site_latitude: str | None = None  # deg, of the antenna, if it moves
@@ -298,14 +306,14 @@ def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarR
     table = read_table(path, settings.separator, tally)
     column = find_columns(table, "plots", settings.plot_columns)
     placed = column["latitude"] is not None or column["longitude"] is not None
-    polar = not placed or ((column["range_m"] or column["range_nm"]) is not None and column["azimuth"] is not None)
-    place = ("range_nm" if column["range_nm"] and not column["range_m"] else "range_m", "azimuth")
-    place = place if polar else ("latitude", "longitude")
+    reach, angle = (next((key for key in keys if column[key]), None) for keys in (RANGES, AZIMUTHS))
+    polar = not placed or (reach is not None and angle is not None)
+    place = (reach or "range_m", angle or "azimuth") if polar else ("latitude", "longitude")
     need_columns(table, "plots", column, ("time", *place))
     table, values = good_cells(table, column, ("time", *place), settings.time_format, tally)
     sensor = sensor_numbers(table, column["radar"], radars.name, UNKNOWN_RADAR, tally)
     site = _sites(values, radars.site_deg, sensor)
-    range_m, azimuth_deg = _polar(values, site, polar)
+    range_m, azimuth_deg = _polar(values, site, place)
     good = sensor >= 0
     shape = {RANGE: ~(range_m > 0.0), AZIMUTH: ~(np.abs(azimuth_deg) <= 360.0)}
     for kind, mask in (shape if polar else off_earth(values) | shape).items():
@@ -316,7 +324,8 @@ def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarR
     for name, sigma in (("range", range_sigma), ("azimuth", azimuth_sigma)):
         tally.add_rows(f"{NO_SIGMA}{name}", good & (sigma <= 0.0), table.location, table.example, used=True)
     position = None if polar else np.stack([values["latitude"], values["longitude"]], axis=-1)[rows]
-    tally.add_file(content_of(table, "radar plots", column, values["time"][rows], position, notes=notes))
+    doubts = _polar_doubts(column, settings.plot_columns, sensor, range_m, azimuth_deg, radars) if polar else ()
+    tally.add_file(content_of(table, "radar plots", column, values["time"][rows], position, doubts, notes=notes))
     return RadarReports(
         sensor=sensor[rows],
         time_s=values["time"][rows],
@@ -351,12 +360,24 @@ def _plot_sigmas(values: dict[str, Floats], range_m: Floats, azimuth_deg: Floats
     return sigmas[0], np.degrees(np.arctan2(sigmas[1], np.maximum(range_m, 1.0)))
 
 
-def _polar(values: dict[str, Floats], site: Floats, polar: bool) -> tuple[Floats, Floats]:
-    if polar:
-        metres = values["range_m"]
-        return np.where(np.isnan(metres), values["range_nm"] * NAUTICAL_MILE_M, metres), values["azimuth"]
+def _polar(values: dict[str, Floats], site: Floats, place: tuple[str, str]) -> tuple[Floats, Floats]:
+    """Range in m and azimuth in deg. Args: place: keys of the columns that say where the plots are."""
+    reach, angle = place
+    if reach in RANGE_M:
+        return values[reach] * RANGE_M[reach], np.degrees(values[angle]) if angle == "azimuth_rad" else values[angle]
     flat = to_plane(np.stack([values["latitude"], values["longitude"]], axis=-1), site)
     return np.hypot(flat[:, 0], flat[:, 1]), np.degrees(np.arctan2(flat[:, 0], flat[:, 1]))
+
+
+def _polar_doubts(
+    column: dict[str, str | None], named: PlotColumns, sensor: Ints, range_m: Floats, azimuth_deg: Floats, radars: Radars
+) -> tuple[str, ...]:
+    """What looks wrong about the units of ranges and azimuths that no column and no setting states."""
+    known, reach, angle = sensor >= 0, column["range_m"], column["azimuth"]
+    doubts: tuple[str, ...] = ()
+    if reach is not None and named.range_m is None and not plain_name(reach).endswith("_m"):
+        doubts += range_doubts(sensor[known], range_m[known], radars, reach)
+    return doubts if angle is None else doubts + angle_doubts(azimuth_deg[known], angle, "azimuth")
 
 
 def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> BearingReports:
@@ -372,7 +393,8 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
     is_class = np.isin(values["signature"], np.arange(CLASSES))
     no_sigma = good & (values["bearing_sigma"] <= 0.0)
     tally.add_rows(f"{NO_SIGMA}bearing", no_sigma, table.location, table.example, used=True)
-    tally.add_file(content_of(table, "bearings", column, values["time"][rows], notes=notes))
+    doubts = angle_doubts(values["bearing"][sensor >= 0], str(column["bearing"]), "bearing")
+    tally.add_file(content_of(table, "bearings", column, values["time"][rows], doubts=doubts, notes=notes))
     return BearingReports(
         sensor=sensor[rows],
         time_s=values["time"][rows],

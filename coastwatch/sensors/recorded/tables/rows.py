@@ -71,7 +71,9 @@ PLOTS: dict[str, tuple[str, ...]] = (
         "radar": ("radar", "sensor", "radar_name", "sensor_name"),
         "range_m": ("range_m", "range"),
         "range_nm": ("range_nm",),
+        "range_km": ("range_km",),
         "azimuth": ("azimuth_deg", "azimuth", "bearing_deg", "bearing"),
+        "azimuth_rad": ("azimuth_rad", "bearing_rad"),
         "latitude": ("latitude", "lat", "latitude_deg"),
         "longitude": ("longitude", "lon", "longitude_deg"),
         "range_sigma_m": ("range_sigma_m", "range_sigma", "sigma_range_m", "range_std_m"),
@@ -133,6 +135,8 @@ TRACKS: dict[str, tuple[str, ...]] = HEMISPHERES | {
     "velocity_sigma_m_s": ("velocity_sigma_m_s", "velocity_sigma"),
     **{name: (name,) for name in STATE_ENTRIES},
 }
+RANGES, AZIMUTHS = ("range_m", "range_nm", "range_km"), ("azimuth", "azimuth_rad")
+"""Keys of one quantity in several units: one column is read."""
 RADAR_ALONE = ("radar", "radar_name")
 """Columns of the sensor that a table of bearings does not have."""
 COLUMNS = {"ais": AIS, "plots": PLOTS, "bearings": BEARINGS, "tracks": TRACKS}
@@ -160,6 +164,9 @@ def find_columns(table: Table, part: str, named: Settings) -> dict[str, str | No
     Raises: InputError: a named column is not there, or the columns are those of another kind of table.
     """
     column = {key: table.find(getattr(named, key, None), aliases) for key, aliases in COLUMNS[part].items()}
+    for keys in (RANGES, AZIMUTHS) if part == "plots" else ():
+        taken = next((key for key in keys if getattr(named, key)), next((key for key in keys if column[key]), None))
+        column |= dict.fromkeys(key for key in keys if key != taken)
     if not named.model_fields_set - {"time", "received"}:
         parts = _parts(table)
         if parts and part not in parts:
@@ -189,7 +196,7 @@ def _parts(table: Table) -> dict[str, tuple[str, ...]]:
     mmsi, latitude = table.find(None, AIS["mmsi"]), table.find(None, TRACKS["latitude"])
     if mmsi is not None:
         parts["ais"] = (mmsi,)
-    reach, angle = table.find(None, (*PLOTS["range_m"], *PLOTS["range_nm"])), table.find(None, PLOTS["azimuth"])
+    reach, angle = (table.find(None, tuple(name for key in keys for name in PLOTS[key])) for keys in (RANGES, AZIMUTHS))
     if reach is not None and angle is not None:
         parts["plots"] = reach, angle
     radar = table.find(None, RADAR_ALONE)
