@@ -353,7 +353,8 @@ def test_plots_polar_and_geodetic_are_the_same_place(tmp_path: Path) -> None:
             "the positions move 1.94 times as fast as SOG says (median of 8 tracks): is it in m/s? --set input.speed_unit",
         ),
         (1.852, False, "the positions move 0.54 times as fast as SOG says (median of 8 tracks): is it in km/h?"),
-        (0.7, False, None),
+        (0.95, False, None),
+        (0.7, False, "the positions move 1.43 times as fast as SOG says (median of 8 tracks): in which unit is it? needed kn"),
         (1.0, True, "the positions of 8 tracks move as SOG and course say only with latitude and longitude exchanged"),
     ],
 )

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from coastwatch.batches import Radars, Sensors, Sonars, Stations
+from coastwatch.batches import Radars, Sensors, Sonars, Stations, TrackSources
+from coastwatch.formats.intake.ais_validation import COG_RANGE, SOG_RANGE
+from coastwatch.geodesy import from_plane
 from coastwatch.sensors.recorded.tables.feed import Tables
 from coastwatch.stage import Plan
 
@@ -29,9 +32,9 @@ def sensors() -> Sensors:
     return Sensors(radars, Stations.empty(), sonars, ("region",), site)
 
 
-def written(path: Path, header: str, *columns: np.ndarray) -> Path:
+def written(path: Path, header: str, *columns: np.ndarray, step_s: float = 0.01) -> Path:
     file = path / "table.csv"
-    rows = np.stack([T0 + 0.01 * np.arange(len(columns[0])), *columns], axis=-1)
+    rows = np.stack([T0 + step_s * np.arange(len(columns[0])), *columns], axis=-1)
     file.write_text("\n".join([f"time,{header}", *(",".join(f"{cell:.12g}" for cell in row) for row in rows)]) + "\n")
     return file
 
@@ -84,7 +87,7 @@ def test_azimuths_in_radians_are_doubted_and_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("turn", "unit"), [(6400.0, "mils"), (4096.0, "counts of 4096 a turn"), (400.0, "gradians"), (720.0, None)]
+    ("turn", "unit"), [(6400.0, "mils"), (4096.0, "counts of 4096 a turn"), (400.0, "gradians"), (800.0, None)]
 )
 def test_angles_beyond_a_circle_are_doubted(tmp_path: Path, turn: float, unit: str | None) -> None:
     """The few below 360 are taken: they were taken in silence."""
@@ -96,3 +99,55 @@ def test_angles_beyond_a_circle_are_doubted(tmp_path: Path, turn: float, unit: s
     assert wanted.replace("azimuth", "bearing") in content.doubts[0]
     none = np.where(np.arange(ROWS) % 3, AZIMUTH_DEG, 511.0)
     assert plots(written(tmp_path, "range_m,azimuth", RANGE_M, none))[2] == ()
+
+
+@pytest.mark.parametrize("part", ["tracks", "ais"])
+def test_courses_in_tenths_of_a_degree_are_doubted_and_counted(tmp_path: Path, part: str) -> None:
+    """In tables of tracks they turned the velocity, uncounted; a speed of 102.3 kn and more was believed there."""
+    one, number = np.ones(ROWS), np.arange(ROWS) % 6
+    header = "track,lat,lon,sog,cog" if part == "tracks" else "mmsi,lat,lon,sog,cog"
+    file = written(
+        tmp_path,
+        header,
+        number + 235_000_000,
+        50.8 + 1e-3 * np.arange(ROWS),
+        -1.1 * one,
+        np.where(number, 5.0, 110.0),
+        10.0 * AZIMUTH_DEG,
+    )
+    source = TrackSources(np.array(["t"], "U32"), np.full((1, 2), np.nan), *np.full((4, 1), np.nan))
+    recording = Tables(**{part: (file,)}).load(replace(sensors(), track_sources=source), 1, PLAN)
+    (doubt,) = recording.contents[0].doubts
+    assert "up to 3599: are they in tenths of a degree? needed course in degrees" in doubt
+    counts = {fault.kind: fault.count for fault in recording.faults}
+    assert counts == {SOG_RANGE: 50, COG_RANGE: int((10.0 * AZIMUTH_DEG >= 360.05).sum())}
+    if part == "tracks":
+        assert np.isnan(recording.reports.tracks.velocity_m_s[10.0 * AZIMUTH_DEG > 361.0]).all()
+
+
+@pytest.mark.parametrize(
+    ("slowest_kn", "asked"),
+    [
+        (
+            4.0,
+            'the positions move 0.10 times as fast as SOG says (median of 6 tracks): is it in 0.1 kn? --set "input.speed_unit=0.1 kn"',
+        ),
+        (11.0, "100% of the speeds in column sog are beyond 102.3 kn, up to 161, and not used: in which unit are they"),
+    ],
+)
+@pytest.mark.parametrize("part", ["tracks", "ais"])
+def test_speeds_in_tenths_of_a_knot_are_doubted_and_read(tmp_path: Path, part: str, slowest_kn: float, asked: str) -> None:
+    step, number = np.divmod(np.arange(ROWS), 6)
+    north_m = np.arange(ROWS) * (slowest_kn + number + 0.05) * NM / 3600.0
+    place = from_plane(np.stack([0.0 * north_m, north_m], axis=-1), np.array([50.8, -1.1]))
+    columns = number + 235_000_000, *place.T, 10.0 * (slowest_kn + number) + step % 2, 0.0 * number
+    file = written(tmp_path, f"{'track' if part == 'tracks' else 'mmsi'},lat,lon,sog,cog", *columns, step_s=1.0)
+    source = TrackSources(np.array(["t"], "U32"), np.full((1, 2), np.nan), *np.full((4, 1), np.nan))
+    wrong, right = (
+        Tables(**{part: (file,)}, speed_unit=unit).load(replace(sensors(), track_sources=source), 1, PLAN)
+        for unit in ("kn", "0.1 kn")
+    )
+    assert [doubt[: len(asked)] for doubt in wrong.contents[0].doubts] == [asked]
+    assert right.contents[0].doubts == ()
+    velocity = right.reports.tracks.velocity_m_s[0] if part == "tracks" else right.reports.ais.sog_kn[:1] * NM / 3600.0
+    assert np.hypot(*velocity, *np.zeros(2 - len(velocity))) == pytest.approx(slowest_kn * NM / 3600.0)

@@ -40,7 +40,8 @@ from coastwatch.sensors.recorded.tables.rows import (
     order_notes,
     stamps_of,
 )
-from coastwatch.sensors.recorded.tables.stated_motion import SPEED_KN, doubts
+from coastwatch.sensors.recorded.tables.stated_motion import SPEED_KN, SpeedUnit, doubts
+from coastwatch.sensors.recorded.tables.stated_units import angle_doubts, speed_doubts
 from coastwatch.stage import Method, Plan, Settings
 
 WRAPPED_COG = SET_ASIDE + "COG of a wrapped field: "
@@ -112,7 +113,7 @@ class AisTable(Method):
     e.g. "%d/%m/%Y %H:%M:%S" for 31/12/2025 23:59:59. A time without a zone is UTC; with "%z" the zone is read, e.g.
     "%Y-%m-%d %H:%M:%S%z" for 2025-12-31 23:59:59+0100."""
     separator: Separator = "auto"  # one character between the cells of a CSV file, e.g. ";"; "auto": by the header
-    speed_unit: Literal["kn", "m/s", "km/h"] = "kn"  # of the column of SOG, e.g. "m/s" for 5.14 where a ship makes 10 kn
+    speed_unit: SpeedUnit = "kn"  # of the column of SOG, e.g. "m/s" for 5.14, "0.1 kn" for 100, where a ship makes 10 kn
     intake: AisIntake = AisIntake()  # which records are accepted
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
@@ -160,6 +161,7 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     is_whole = (number == np.floor(number)) & (np.abs(number) < 1e12)
     mmsi = np.where(is_whole, number, -1.0).astype(np.int64)  # -1 is no MMSI
     class_b, station = classes(table, column["ais_class"], tally)
+    of_courses = () if column["cog"] is None else angle_doubts(values["cog"], column["cog"], "course")
     missing = wrapped_cog(values["cog"])
     if missing == FULL_CIRCLE_DEG:
         values["cog"] = np.where(values["cog"] < 0.0, values["cog"] + FULL_CIRCLE_DEG, values["cog"])
@@ -187,10 +189,13 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     reports, static = stream.block(rows, statics, static_rows)
     course = np.radians(reports.cog_deg)
     velocity = (reports.sog_kn * KNOT_M_S)[:, None] * np.stack([np.sin(course), np.cos(course)], axis=-1)
-    speed_doubts = doubts(reports.mmsi, reports.time_s, reports.position_deg, velocity, settings.speed_unit, "SOG")
+    of_speeds = doubts(reports.mmsi, reports.time_s, reports.position_deg, velocity, settings.speed_unit, "SOG")
     names = len(static_rows), len(static)
     notes = order_notes(settings.intake, intake, stream.backwards) + ((SIGNED_COG,) if missing == FULL_CIRCLE_DEG else ())
-    tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg, speed_doubts, names, notes))
+    if not of_speeds and column["sog"] is not None:
+        of_speeds = speed_doubts(rows.sog_kn, settings.speed_unit, column["sog"])
+    doubtful = of_speeds + of_courses
+    tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg, doubtful, names, notes))
     return reports, static
 
 

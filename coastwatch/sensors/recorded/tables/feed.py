@@ -54,6 +54,7 @@ from coastwatch.sensors.recorded.tables.rows import (
     stamps_of,
     to_both_sides,
 )
+from coastwatch.sensors.recorded.tables.stated_motion import SpeedUnit
 from coastwatch.sensors.recorded.tables.stated_units import angle_doubts, range_doubts
 from coastwatch.sensors.recorded.tables.tracks import TrackColumns, track_reports
 from coastwatch.sensors.recorded.video.feed import FORMAT as VIDEO, VideoFileStream
@@ -134,7 +135,7 @@ class Tables(Method):
     e.g. "%d/%m/%Y %H:%M:%S" for 31/12/2025 23:59:59. A time without a zone is UTC; with "%z" the zone is read, e.g.
     "%Y-%m-%d %H:%M:%S%z" for 2025-12-31 23:59:59+0100."""
     separator: Separator = "auto"  # one character between the cells of a CSV file, e.g. ";"; "auto": by the header
-    speed_unit: Literal["kn", "m/s", "km/h"] = "kn"  # of the column of SOG, e.g. "m/s" for 5.14 where a ship makes 10 kn
+    speed_unit: SpeedUnit = "kn"  # of the column of SOG, e.g. "m/s" for 5.14, "0.1 kn" for 100, where a ship makes 10 kn
     assume_start_utc: AwareDatetime | None = None  # time of the first sentence of NMEA files without any time
     assume_interval_s: NotNegative = 0.1  # between their messages
     drop_own_ship: bool = False  # of NMEA files: leave out VDO, and VDM of the same MMSI

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from coastwatch.batches import Floats, Ints
 from coastwatch.batches.limits import HIGHEST_LATITUDE_DEG
 from coastwatch.geodesy import KNOT_M_S, difference_m
 
-SPEED_KN = {"kn": 1.0, "m/s": 1.0 / KNOT_M_S, "km/h": 1.0 / 1.852}
+SpeedUnit = Literal["kn", "m/s", "km/h", "0.1 kn"]
+TENTHS = "0.1 kn"
+SPEED_KN: dict[str, float] = {"kn": 1.0, "m/s": 1.0 / KNOT_M_S, "km/h": 1.0 / 1.852, TENTHS: 0.1}
 """Knots of each unit of speed."""
 ROWS = 200_000  # of a file that are looked at
 LEAST_SPEED_M_S = 1.0  # stated; slower tracks do not count
 LONGEST_GAP_S = 300.0  # between two positions of a track
 LEAST_PATH_M, LEAST_STEPS, LEAST_TRACKS = 200.0, 5, 5
 TOLERANCE = 0.03  # of the median ratio, to be that of a unit
+FAR = 0.1  # the median ratio from 1, to be doubted where it is that of no unit
 SPREAD = 0.1  # of the median: half of the tracks lie within it
 
 
@@ -37,14 +42,7 @@ def doubts(track: Ints, time_s: Floats, position_deg: Floats, velocity_m_s: Floa
     before, after = position_deg[:-1][steps], position_deg[1:][steps]
     median, tracks = _ratio(number, stated_m, difference_m(after, before))
     if np.isfinite(median):
-        for other, size in SPEED_KN.items():
-            if other != unit and abs(median * SPEED_KN[unit] / size - 1.0) <= TOLERANCE:
-                mend = f"--set input.speed_unit={other}" if source == "SOG" else "needed m/s"
-                return (
-                    f"the positions move {median:.2f} times as fast as {source} says (median of {tracks} tracks): is it in {other}? "
-                    f"{mend}",
-                )
-        return ()
+        return _of_ratio(median, tracks, unit, source)
     if (np.abs(position_deg) <= HIGHEST_LATITUDE_DEG).all():
         median, tracks = _ratio(number, stated_m, difference_m(after[:, ::-1], before[:, ::-1]))
         if abs(median - 1.0) <= TOLERANCE:
@@ -53,6 +51,21 @@ def doubts(track: Ints, time_s: Floats, position_deg: Floats, velocity_m_s: Floa
                 "swapped? --columns latitude=THEIR-LONGITUDE,longitude=THEIR-LATITUDE",
             )
     return ()
+
+
+def _of_ratio(median: float, tracks: int, unit: str, source: str) -> tuple[str, ...]:
+    """The doubt about the unit of speed, none where the ratio is about 1."""
+    sizes = {other: size / SPEED_KN[unit] for other, size in SPEED_KN.items() if other != unit}
+    other = next((other for other, size in sizes.items() if abs(median / size - 1.0) <= TOLERANCE), None)
+    if other is None and abs(median - 1.0) <= FAR:
+        return ()
+    said = f"the positions move {median:.2f} times as fast as {source} says (median of {tracks} tracks): "
+    if other is None:
+        return (f"{said}in which unit is it? needed {unit}",)
+    setting = f"input.speed_unit={other}"
+    setting = f'"{setting}"' if " " in other else setting
+    mend = f"--set {setting}" if source == "SOG" else "needed m/s"
+    return (f"{said}is it in {other}? {mend}",)
 
 
 def _ratio(number: Ints, stated_m: Floats, moved_m: Floats) -> tuple[float, int]:

@@ -7,8 +7,10 @@ import re
 import numpy as np
 
 from coastwatch.batches import Floats, Ints, Radars
+from coastwatch.formats.intake.ais_validation import HIGHEST_SOG_KN
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.sensors.recorded.tables.reader import plain_name
+from coastwatch.sensors.recorded.tables.stated_motion import TENTHS
 
 MANY_ROWS = 200
 """Fewer plots may all be near, or all in one sector."""
@@ -17,7 +19,7 @@ SAID_DEGREES = r"(^|_)deg(rees)?(_|$)"
 FULL_TURN_RAD = 2.0 * np.pi
 BEYOND_DEG = 360.05  # a table may have rounded 360
 LEAST_BEYOND_SHARE, LEAST_BEYOND_VALUES = 0.05, 10
-"""Of the angles of a column, and different ones: fewer are wrong cells, or one number that means none."""
+"""Of the numbers of a column, and different ones: fewer are wrong cells, or one number that means none."""
 TURNS = {
     400.0: "gradians",
     3600.0: "tenths of a degree",
@@ -28,7 +30,7 @@ TURNS = {
     65536.0: "counts of 65536 a turn",
 }
 """Units of angle by how many make a turn."""
-FULL_SHARE = 0.97  # of a turn, that many angles reach
+FULL_SHARE = 0.8  # of a turn, that the highest of many angles reaches
 
 
 def range_doubts(sensor: Ints, range_m: Floats, radars: Radars, column: str) -> tuple[str, ...]:
@@ -54,8 +56,8 @@ def angle_doubts(angle: Floats, column: str, what: str) -> tuple[str, ...]:
     Args: angle: (M,) as stated, NaN: none; column: in the file; what: the angles are, "azimuth".
     """
     size = np.abs(angle[np.isfinite(angle)])
-    beyond = size[size > BEYOND_DEG]
-    if len(beyond) >= LEAST_BEYOND_SHARE * len(size) and len(np.unique(beyond)) >= LEAST_BEYOND_VALUES:
+    beyond = _many_beyond(size, BEYOND_DEG)
+    if len(beyond):
         highest = float(beyond.max())
         unit = next((name for turn, name in TURNS.items() if FULL_SHARE * turn <= highest <= turn), None)
         asked = "in which unit are they?" if unit is None else f"are they in {unit}?"
@@ -67,3 +69,23 @@ def angle_doubts(angle: Floats, column: str, what: str) -> tuple[str, ...]:
         mend = f"--columns plots.azimuth_rad={column}" if what == "azimuth" else "needed degrees"
         return (f"no {what} in column {column} is above {size.max():.3g} degrees: is it in radians? {mend}",)
     return ()
+
+
+def speed_doubts(sog_kn: Floats, unit: str, column: str) -> tuple[str, ...]:
+    """That many speeds are beyond what a message of AIS can hold. Args: sog_kn: (M,), NaN: none; unit: in which they were taken."""
+    stated = sog_kn[np.isfinite(sog_kn)]
+    beyond = _many_beyond(stated, HIGHEST_SOG_KN)
+    if not len(beyond):
+        return ()
+    mend = "" if unit == TENTHS else f', --set "input.speed_unit={TENTHS}"'
+    return (
+        f"{len(beyond) / len(stated):.0%} of the speeds in column {column} are beyond 102.3 kn, up to {beyond.max():.4g}, and not used: "
+        f"in which unit are they{mend}?",
+    )
+
+
+def _many_beyond(number: Floats, highest: float) -> Floats:
+    """The numbers above a limit, where they are many and differ; else none. (M,) -> (B,)"""
+    beyond = number[number > highest]
+    many = len(beyond) >= LEAST_BEYOND_SHARE * len(number) and len(np.unique(beyond)) >= LEAST_BEYOND_VALUES
+    return beyond if many else beyond[:0]

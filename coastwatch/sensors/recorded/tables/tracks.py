@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from coastwatch.batches import Floats, Ints, TrackReports, TrackSources
-from coastwatch.formats.intake.ais_validation import AisIntake
+from coastwatch.batches import Bools, Floats, Ints, TrackReports, TrackSources
+from coastwatch.formats.intake.ais_validation import COG_RANGE, FIRST_WRONG_COG_DEG, HIGHEST_SOG_KN, SOG_RANGE, AisIntake
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.recorded.tables.reader import Table, read_table
@@ -23,7 +22,8 @@ from coastwatch.sensors.recorded.tables.rows import (
     off_earth,
     sensor_numbers,
 )
-from coastwatch.sensors.recorded.tables.stated_motion import SPEED_KN, doubts
+from coastwatch.sensors.recorded.tables.stated_motion import SPEED_KN, SpeedUnit, doubts
+from coastwatch.sensors.recorded.tables.stated_units import angle_doubts, speed_doubts
 from coastwatch.stage import Settings
 
 UNKNOWN_SOURCE = "unknown track source"
@@ -54,7 +54,7 @@ def track_reports(
     columns: TrackColumns,
     time_format: str,
     separator: str,
-    speed_unit: Literal["kn", "m/s", "km/h"],
+    speed_unit: SpeedUnit,
     *,
     intake: AisIntake,
     tally: Tally,
@@ -80,11 +80,15 @@ def track_reports(
         good &= ~mask
     rows, received, notes = arrived(table, good, values, intake, tally)
     position = np.stack([values["latitude"], values["longitude"]], axis=-1)[rows]
-    velocity = _velocity(values, SPEED_KN[speed_unit])[rows]
+    velocity = _velocity(_possible(values, SPEED_KN[speed_unit], table, good, tally))[rows]
     _, track = np.unique(np.stack([sensor, number], axis=-1)[rows], axis=0, return_inverse=True)
     source = "SOG" if column["east_m_s"] is None or column["north_m_s"] is None else "the velocity"
-    speed_doubts = doubts(track, values["time"][rows], position, velocity, speed_unit if source == "SOG" else "m/s", source)
-    tally.add_file(content_of(table, "track states", column, values["time"][rows], position, speed_doubts, notes=notes))
+    doubtful = doubts(track, values["time"][rows], position, velocity, speed_unit if source == "SOG" else "m/s", source)
+    if not doubtful and column["sog"] is not None:
+        doubtful = speed_doubts(values["sog"] * SPEED_KN[speed_unit], speed_unit, column["sog"])
+    if column["cog"] is not None:
+        doubtful += angle_doubts(values["cog"], column["cog"], "course")
+    tally.add_file(content_of(table, "track states", column, values["time"][rows], position, doubtful, notes=notes))
     return TrackReports(
         sensor=sensor[rows],
         number=number[rows],
@@ -107,10 +111,22 @@ def _numbers(table: Table, column: str) -> tuple[Ints, np.ndarray[tuple[int], np
     return index.astype(np.int64), texts == ""
 
 
-def _velocity(values: dict[str, Floats], speed_kn: float) -> Floats:
-    """East and north, NaN where a row has neither form. (M, 2)"""
+def _possible(values: dict[str, Floats], speed_kn: float, table: Table, good: Bools, tally: Tally) -> dict[str, Floats]:
+    """The values with SOG in knots; SOG and COG that no message of AIS can hold are counted, and not available.
+
+    Args: speed_kn: of the unit of SOG; good: (M,) rows that are used.
+    """
+    sog_kn, cog_deg = values["sog"] * speed_kn, values["cog"]
+    too_fast, no_course = (sog_kn < 0.0) | (sog_kn > HIGHEST_SOG_KN), np.abs(cog_deg) >= FIRST_WRONG_COG_DEG
+    for kind, mask in ((SOG_RANGE, too_fast), (COG_RANGE, no_course)):
+        tally.add_rows(kind, good & mask, table.location, table.example, used=True)
+    return values | {"sog": np.where(too_fast, np.nan, sog_kn), "cog": np.where(no_course, np.nan, cog_deg)}
+
+
+def _velocity(values: dict[str, Floats]) -> Floats:
+    """East and north, NaN where a row has neither form. Args: values: SOG in knots. (M, 2)"""
     stated = np.stack([values["east_m_s"], values["north_m_s"]], axis=-1)
-    course, speed = np.radians(values["cog"]), values["sog"] * speed_kn * KNOT_M_S
+    course, speed = np.radians(values["cog"]), values["sog"] * KNOT_M_S
     along = np.stack([speed * np.sin(course), speed * np.cos(course)], axis=-1)
     return np.where(np.isfinite(stated).all(axis=1, keepdims=True), stated, along)
 
