@@ -9,9 +9,11 @@ import pytest
 
 from coastwatch.errors import InputError
 from coastwatch.sensors.recorded.tables.ais import AisTable
+from coastwatch.sensors.recorded.tables.feed import NO_SENSORS, Tables
 
 pytestmark = pytest.mark.golden
 
+T0 = 1_452_603_731
 HEADER = "Time,MMSI,Latitude,Longitude,SOG,COG"
 
 
@@ -126,3 +128,10 @@ def test_titles_and_comments_above_the_header_are_passed_over(tmp_path: Path, ab
 def test_the_header_of_the_danish_authority_begins_with_a_comment_mark(tmp_path: Path) -> None:
     file = table(tmp_path, "12/01/2016 13:02:11,235070762,50.7,-1.1,5,90", header="# Timestamp,MMSI,Latitude,Longitude,SOG,COG")
     assert len(AisTable(files=(file,)).read()[0]) == 1
+
+
+def test_names_without_a_position_are_refused_as_a_file_without_records(tmp_path: Path) -> None:
+    """The check of gaps ended in a traceback: it had no file."""
+    file = table(tmp_path, *(f"{T0 + 9 * k},235070762,91,181,,,SHIP" for k in range(3)), header=f"{HEADER},Name")
+    with pytest.raises(InputError, match="got no usable record, needed at least one: 3 position not available"):
+        Tables(ais=(file,)).span(lambda: NO_SENSORS, 0.0, to_the_end=True)

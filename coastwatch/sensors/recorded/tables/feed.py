@@ -209,7 +209,8 @@ class Tables(Method):
             received += [FileTimes(names, times, is_stream=True) for times in stream.spans()]
             faults = stream.faults() + faults
         found = [file for file in received if len(file.received_s)]
-        span = span_of(*(file.received_s for file in found), of_names, faults=faults)
+        with_names = [of_names] if found else []  # names alone place no vessel
+        span = span_of(*(file.received_s for file in found), *with_names, faults=faults)
         if to_the_end:
             check_gaps(found, after_s)
         return span
