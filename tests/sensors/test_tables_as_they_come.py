@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from coastwatch.batches import Sonars
 from coastwatch.errors import InputError
 from coastwatch.sensors.recorded.tables.ais import AisTable
 from coastwatch.sensors.recorded.tables.feed import NO_SENSORS, Tables
+from coastwatch.stage import Plan
 
 pytestmark = pytest.mark.golden
 
@@ -135,3 +138,17 @@ def test_names_without_a_position_are_refused_as_a_file_without_records(tmp_path
     file = table(tmp_path, *(f"{T0 + 9 * k},235070762,91,181,,,SHIP" for k in range(3)), header=f"{HEADER},Name")
     with pytest.raises(InputError, match="got no usable record, needed at least one: 3 position not available"):
         Tables(ais=(file,)).span(lambda: NO_SENSORS, 0.0, to_the_end=True)
+
+
+@pytest.mark.parametrize(
+    ("texts", "wanted"),
+    [(("VHF2", "VHF1", "", "VHF2"), [2, 1, -1, 2]), (("7", "3", "-", "7.0"), [7, 3, -1, 7])],
+)
+def test_a_contact_of_a_bearing_is_a_number_or_a_text(tmp_path: Path, texts: tuple[str, ...], wanted: list[int]) -> None:
+    """A text lost every row."""
+    file = table(tmp_path, *(f"{T0 + k},{10 * k},{text}" for k, text in enumerate(texts)), header="time,bearing,contact")
+    one = np.ones(1)
+    sonars = Sonars(np.array(["df"], "U32"), np.array([[50.8, -1.1]]), 1e4 * one, 0.02 * one, one, 0.0 * one, 360.0 * one)
+    recording = Tables(bearings=(file,)).load(replace(NO_SENSORS, sonars=sonars), 1, Plan(start_s=T0, period_s=3.0, cycles=1))
+    assert recording.faults == ()
+    assert recording.reports.bearing.contact.tolist() == wanted

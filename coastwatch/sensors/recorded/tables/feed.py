@@ -49,6 +49,7 @@ from coastwatch.sensors.recorded.tables.rows import (
     find_columns,
     good_cells,
     need_columns,
+    numbers_of_names,
     off_earth,
     sensor_numbers,
     stamps_of,
@@ -104,7 +105,7 @@ class BearingColumns(Settings):
     received: str | None = None  # time of arrival; none: as `time`
     sonar: str | None = None  # name of the sonar in the scenario; not needed for a single sonar
     bearing: str | None = None  # deg true
-    contact: str | None = None  # the sensor's own track number
+    contact: str | None = None  # the sensor's own track: a number or a text
     signature: str | None = (
         None  # number of the VesselClass by its sound, coastwatch/batches/ais_codes.py; other values count as none
     )
@@ -402,11 +403,19 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
         time_s=values["time"][rows],
         received_s=received,
         bearing_deg=values["bearing"][rows] % 360.0,
-        contact=np.nan_to_num(values["contact"], nan=-1.0).astype(np.int64)[rows],
+        contact=_contacts(table, column["contact"])[rows],
         site_deg=_sites(values, sonars.site_deg, sensor)[rows],
         signature=np.where(is_class, values["signature"], -1.0).astype(np.int64)[rows],
         bearing_sigma_deg=_or_unknown(values["bearing_sigma"][rows]),
     )
+
+
+def _contacts(table: Table, column: str | None) -> Ints:
+    """The number of the contact of each row, -1 where it has none."""
+    if column is None:
+        return np.full(len(table), -1, np.int64)
+    number, empty = numbers_of_names(table, column)
+    return np.where(empty, -1, number)
 
 
 def _sites(values: dict[str, Floats], of_sensor: Floats, sensor: Ints) -> Floats:

@@ -45,7 +45,20 @@ HEMISPHERES = {
     "east_west": ("ew", "e_w", "e/w", "east_west", "lon_ew", "lon_dir", "lon_hemi", "lon_hemisphere", "longitude_hemisphere"),
 }
 """Columns of letters beside numbers without a sign."""
-TEXTS = ("radar", "sonar", "source", "track", "name", "call_sign", "ais_class", "nav_status", "accuracy", "raim", *HEMISPHERES)
+TEXTS = (
+    "radar",
+    "sonar",
+    "source",
+    "track",
+    "contact",
+    "name",
+    "call_sign",
+    "ais_class",
+    "nav_status",
+    "accuracy",
+    "raim",
+    *HEMISPHERES,
+)
 """Keys of columns that hold texts."""
 MAY_BE_UNREADABLE = ("name", "call_sign", "ship_type", "length", "beam")
 """Keys whose unreadable cells do not make a row unusable."""
@@ -341,3 +354,14 @@ def sensor_numbers(table: Table, column: str | None, names: Array, kind: str, ta
         lambda i: f"{names_found[number[i]]!s}, known: {sorted(number_of_name)}",
     )
     return sensor
+
+
+def numbers_of_names(table: Table, column: str) -> tuple[Ints, Bools]:
+    """A number for each name in a column, in order of the names, and which rows have none. A whole number stays what it is."""
+    empty = np.asarray(table.empty(column).to_numpy(), np.bool_) | (np.array(table.texts(column), "U") == "")
+    number, bad = table.numbers(column)
+    whole = ~bad & np.isfinite(number) & (number == np.floor(number)) & (np.abs(number) < 2**53)
+    if whole[~empty].all():
+        return np.where(whole, number, -1.0).astype(np.int64), empty
+    _, index = np.unique(np.array(table.texts(column), "U"), return_inverse=True)
+    return index.astype(np.int64), empty

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coastwatch.batches import Bools, Floats, Ints, TrackReports, TrackSources
+from coastwatch.batches import Bools, Floats, TrackReports, TrackSources
 from coastwatch.formats.intake.ais_validation import COG_RANGE, FIRST_WRONG_COG_DEG, HIGHEST_SOG_KN, SOG_RANGE, AisIntake
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S
@@ -19,6 +19,7 @@ from coastwatch.sensors.recorded.tables.rows import (
     find_columns,
     good_cells,
     need_columns,
+    numbers_of_names,
     off_earth,
     sensor_numbers,
 )
@@ -74,7 +75,7 @@ def track_reports(
         sensor = sensor_numbers(table, column["source"], sources.name, UNKNOWN_SOURCE, tally)
     good = sensor >= 0
     covariance = _covariance(values)
-    number, empty = _numbers(table, str(column["track"]))
+    number, empty = numbers_of_names(table, str(column["track"]))
     for kind, mask in {EMPTY_CELL: empty, **off_earth(values), COVARIANCE: _is_wrong(covariance)}.items():
         tally.add_rows(kind, good & mask, table.location, table.example)
         good &= ~mask
@@ -98,17 +99,6 @@ def track_reports(
         velocity_m_s=velocity,
         covariance=covariance[rows],
     )
-
-
-def _numbers(table: Table, column: str) -> tuple[Ints, np.ndarray[tuple[int], np.dtype[np.bool_]]]:
-    """A number for each track of the file, in order of their names, and which rows have none. A whole number stays what it is."""
-    texts = np.array(table.texts(column), "U")
-    number, bad = table.numbers(column)
-    whole = ~bad & np.isfinite(number) & (number == np.floor(number)) & (np.abs(number) < 2**53)
-    if whole[texts != ""].all():
-        return np.where(whole, number, -1.0).astype(np.int64), texts == ""
-    _, index = np.unique(texts, return_inverse=True)
-    return index.astype(np.int64), texts == ""
 
 
 def _possible(values: dict[str, Floats], speed_kn: float, table: Table, good: Bools, tally: Tally) -> dict[str, Floats]:
