@@ -152,3 +152,9 @@ def test_a_contact_of_a_bearing_is_a_number_or_a_text(tmp_path: Path, texts: tup
     recording = Tables(bearings=(file,)).load(replace(NO_SENSORS, sonars=sonars), 1, Plan(start_s=T0, period_s=3.0, cycles=1))
     assert recording.faults == ()
     assert recording.reports.bearing.contact.tolist() == wanted
+
+
+def test_the_class_of_marine_cadastre_is_read_as_it_is_misspelt(tmp_path: Path) -> None:
+    rows = (f"{T0 + 9 * k},23507076{k},50.7,-1.1,5,90,{c}" for k, c in enumerate("AB"))
+    reports, _, _ = AisTable(files=(table(tmp_path, *rows, header=f"{HEADER},TranscieverClass"),)).read()
+    assert reports.class_b.tolist() == [False, True]

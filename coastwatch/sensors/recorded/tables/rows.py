@@ -121,7 +121,7 @@ AIS: dict[str, tuple[str, ...]] = HEMISPHERES | {
     "longitude": ("longitude", "lon", "lng", "long", "longitude_deg", "longitude_degrees", "x"),
     "sog": ("sog", "sog_kn", "sog_knots", "speed", "speed_over_ground", "speedoverground"),
     "cog": ("cog", "cog_deg", "cog_degrees", "course", "course_over_ground", "courseoverground"),
-    "ais_class": ("class", "ais_class", "type_of_mobile", "transceiver", "transceiverclass"),
+    "ais_class": ("class", "ais_class", "type_of_mobile", "transceiver", "transceiverclass", "transcieverclass"),
     "nav_status": ("nav_status", "navstatus", "navigational_status", "navigationalstatus", "navigation_status", "status"),
     "accuracy": ("position_accuracy", "positionaccuracy", "accuracy"),
     "raim": ("raim", "raim_flag"),
