@@ -12,6 +12,7 @@ from coastwatch.batches import Sonars
 from coastwatch.errors import InputError
 from coastwatch.sensors.recorded.tables.ais import AisTable
 from coastwatch.sensors.recorded.tables.feed import NO_SENSORS, Tables
+from coastwatch.sensors.recorded.tables.static_data import UNKNOWN_TYPE
 from coastwatch.stage import Plan
 
 pytestmark = pytest.mark.golden
@@ -158,3 +159,41 @@ def test_the_class_of_marine_cadastre_is_read_as_it_is_misspelt(tmp_path: Path) 
     rows = (f"{T0 + 9 * k},23507076{k},50.7,-1.1,5,90,{c}" for k, c in enumerate("AB"))
     reports, _, _ = AisTable(files=(table(tmp_path, *rows, header=f"{HEADER},TranscieverClass"),)).read()
     assert reports.class_b.tolist() == [False, True]
+
+
+def test_static_data_that_a_row_leaves_out_stay(tmp_path: Path) -> None:
+    """Each row without them, or with "Unknown" as call sign, was a new vessel's name and size, and the other way round."""
+    said = ["OX1,SHIP,Cargo,20", "Unknown,,Undefined,", "OX1,SHIP,Cargo,20", "Unknown,,Undefined,", "OX1,SHIP,Tanker,20"]
+    other = ["Unknown,Unknown,Undefined,", "n/a,,Submarine,12", "-,NEW,,"]
+    rows = [f"{T0 + 9 * k},235070762,50.7{k},-1.1,5,90,{text}" for k, text in enumerate(said)]
+    rows += [f"{T0 + 9 * k + 1},235070763,50.8{k},-1.1,5,90,{text}" for k, text in enumerate(other)]
+    rows.sort()
+    _, statics, faults = AisTable(files=(table(tmp_path, *rows, header=f"{HEADER},Callsign,Name,Ship type,Length"),)).read()
+    assert {fault.kind: fault.count for fault in faults} == {UNKNOWN_TYPE: 1}
+    of_vessel = zip(statics.mmsi.tolist(), statics.name, statics.call_sign, statics.ship_type, statics.length_m, strict=True)
+    assert [row for row in of_vessel if row[0] == 235070762] == [
+        (235070762, "SHIP", "OX1", 70, 20.0),
+        (235070762, "SHIP", "OX1", 80, 20.0),
+    ]
+    of_vessel = zip(statics.mmsi.tolist(), statics.name, statics.call_sign, statics.length_m, strict=True)
+    assert [row for row in of_vessel if row[0] == 235070763] == [(235070763, "", "", 12.0), (235070763, "NEW", "", 12.0)]
+
+
+@pytest.mark.parametrize(
+    ("word", "code"),
+    [
+        ("Fishing", 30),
+        ("Towing long/wide", 32),
+        ("SAR", 51),
+        ("tanker", 80),
+        ("37.0", 37),
+        ("Cargo, all ships of this type", 70),
+        ("Cargo - Hazard A (Major)", 70),
+        ("Fishing vessel", 30),
+        ("High speed craft", 40),
+    ],
+)
+def test_types_of_ships_in_words_are_codes(tmp_path: Path, word: str, code: int) -> None:
+    row = f'{T0},235070762,50.7,-1.1,5,90,"{word}"'
+    _, statics, faults = AisTable(files=(table(tmp_path, row, header=f"{HEADER},Ship type"),)).read()
+    assert (statics.ship_type.tolist(), faults) == ([code], ())

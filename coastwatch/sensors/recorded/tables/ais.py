@@ -25,7 +25,7 @@ from coastwatch.batches import (
     Sensors,
     nav_status_text,
 )
-from coastwatch.formats.intake.ais_validation import Acceptance, AisIntake, AisRows, StaticRows, StationKind, of_table
+from coastwatch.formats.intake.ais_validation import Acceptance, AisIntake, AisRows, StationKind, of_table
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.recorded.files import Fingerprint, fingerprint
@@ -42,6 +42,7 @@ from coastwatch.sensors.recorded.tables.rows import (
 )
 from coastwatch.sensors.recorded.tables.stated_motion import SPEED_KN, SpeedUnit, doubts
 from coastwatch.sensors.recorded.tables.stated_units import angle_doubts, speed_doubts
+from coastwatch.sensors.recorded.tables.static_data import static_data
 from coastwatch.stage import Method, Plan, Settings
 
 WRAPPED_COG = SET_ASIDE + "COG of a wrapped field: "
@@ -97,7 +98,7 @@ class AisColumns(Settings):
     position_sigma_m: str | None = None  # m per axis, of this position, instead of `ais_tracks.position_sigma_m`
     name: str | None = None  # of the vessel
     call_sign: str | None = None  # of the vessel
-    ship_type: str | None = None  # code of ITU-R M.1371
+    ship_type: str | None = None  # code of ITU-R M.1371, or in words, "Cargo"
     length: str | None = None  # m
     beam: str | None = None  # m
 
@@ -183,7 +184,7 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     )
     if missing and missing != FULL_CIRCLE_DEG:
         tally.add_rows(f"{WRAPPED_COG}{missing:g} is missing", values["cog"] < 0.0, table.location, table.example, used=True)
-    statics, static_rows = _statics(table, column, values, mmsi, stamp)
+    statics, static_rows = static_data(table, column, values, mmsi, stamp, tally)
     intake = of_table(settings.intake, stamp)
     stream = Acceptance(intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row))), feed)
     reports, static = stream.block(rows, statics, static_rows)
@@ -225,29 +226,6 @@ def _digest(values: dict[str, Floats]) -> Ints:
     number = np.empty(len(cells), np.int64)
     number[order] = np.cumsum(new)
     return number
-
-
-def _statics(
-    table: Table, column: dict[str, str | None], values: dict[str, Floats], mmsi: Ints, stamp: Floats
-) -> tuple[AisStatics, StaticRows]:
-    """Static data of the rows in which it differs from the row before of the same vessel."""
-    name, sign = np.array(table.texts(column["name"]), "U20"), np.array(table.texts(column["call_sign"]), "U7")
-    code = np.nan_to_num(values["ship_type"], nan=-1.0, posinf=-1.0, neginf=-1.0).astype(np.int64)
-    length, beam = (np.where(values[k] > 0.0, values[k], np.nan) for k in ("length", "beam"))
-    says = (name != "") | (sign != "") | (code > 0) | np.isfinite(length) | np.isfinite(beam)
-    order = np.argsort(mmsi, kind="stable")
-    order = order[says[order]]
-    same = np.zeros(len(order), np.bool_)
-    if len(order):
-        same[1:] = mmsi[order[1:]] == mmsi[order[:-1]]
-        for cells in (name, sign, code, np.nan_to_num(length), np.nan_to_num(beam)):
-            same[1:] &= cells[order[1:]] == cells[order[:-1]]
-    rows = np.sort(order[~same])
-    statics = AisStatics(
-        stamp[rows], mmsi[rows], name[rows], sign[rows], np.where(code > 0, code, -1)[rows], length[rows], beam[rows]
-    )
-    number = np.arange(len(rows), dtype=np.int64)
-    return statics, StaticRows(row=table.row[rows], stamp_s=stamp[rows], digest=number, static=number)
 
 
 def _cells(table: Table, column: str) -> Any:
