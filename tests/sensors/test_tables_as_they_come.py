@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coastwatch.batches import Sonars
+from coastwatch.batches import NavStatus, PositionAccuracy, Sonars
 from coastwatch.errors import InputError
 from coastwatch.sensors.recorded.tables.ais import AisTable
 from coastwatch.sensors.recorded.tables.feed import NO_SENSORS, Tables
@@ -197,3 +197,17 @@ def test_types_of_ships_in_words_are_codes(tmp_path: Path, word: str, code: int)
     row = f'{T0},235070762,50.7,-1.1,5,90,"{word}"'
     _, statics, faults = AisTable(files=(table(tmp_path, row, header=f"{HEADER},Ship type"),)).read()
     assert (statics.ship_type.tolist(), faults) == ([code], ())
+
+
+@pytest.mark.parametrize("other", ["timestampExternal", "Time", "received"])
+def test_a_second_of_the_minute_is_no_time_beside_another_column(tmp_path: Path, other: str) -> None:
+    """Digitraffic: the reports were of 1970."""
+    rows = [f"235070762,5,90,0,true,false,{(T0 + 9 * k) % 60},{1000 * (T0 + 9 * k)},-1.1,50.7{k}" for k in range(3)]
+    header = f"mmsi,sog,cog,navStat,posAcc,raim,timestamp,{other},lon,lat"
+    reports, _, _ = AisTable(files=(table(tmp_path, *rows, header=header),)).read()
+    assert reports.time_s.tolist() == reports.received_s.tolist() == [T0, T0 + 9, T0 + 18]
+    assert reports.nav_status.tolist() == [NavStatus.UNDER_WAY_USING_ENGINE] * 3
+    assert reports.accuracy.tolist() == [PositionAccuracy.HIGH] * 3
+    alone = [row.replace(f",{1000 * (T0 + 9 * k)},", ",") for k, row in enumerate(rows)]
+    reports, _, _ = AisTable(files=(table(tmp_path, *alone, header=header.replace(f",{other}", "")),)).read()
+    assert (reports.received_s < 64.0).all()

@@ -36,6 +36,7 @@ SEPARATORS = (",", ";", "\t", "|")
 VALUE = re.compile(rf"[-+]?\d[-+\d.:,TZ/ ]*([eE][-+]?\d+)?({REPEATED}\d+)?")  # a number or a time, where a name should be
 SAID_SEPARATOR = r"\ufeff?sep=(.)"
 FIRST_LINES = 100  # of a file, by which its separator and its header are found
+HIGHEST_SECOND = 63.0  # of the minute, in a message of AIS: from 60 it says why there is none
 FEWEST_CELLS = 3  # of a header: time, latitude, longitude
 LINE_BREAKER = "\x1f"  # the ASCII unit separator, which no line of a table contains
 CLOCKS = ("%H:%M:%S%.f", "%H:%M", "%I:%M:%S%.f %p", "%I:%M %p")
@@ -225,6 +226,16 @@ class Table:
                 "format the column as a whole number before it is saved"
             )
         return np.asarray(cut.to_numpy(), np.bool_)
+
+    def is_second_of_minute(self, column: str) -> bool:
+        """Whether the first cells of a column are all whole numbers from 0 to 63: seconds, or a code of a message of AIS for none."""
+        first = self.frame[column].head(FIRST_LINES)
+        if first.dtype != pl.String and not first.dtype.is_integer():
+            return False
+        numbers = first.cast(pl.Float64, strict=False)
+        return bool(
+            len(first) and (numbers.is_between(0.0, HIGHEST_SECOND) & (numbers == numbers.floor())).fill_null(value=False).all()
+        )
 
     def begins_with(self, column: str, letter: str) -> Bools:
         """Which cells begin with a letter, capital or small. (N,)"""

@@ -21,7 +21,7 @@ from coastwatch.formats.intake.ais_validation import (
 )
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.reception_time import BACKWARDS, LATE, SORTED, backwards_note, reception_times
-from coastwatch.sensors.recorded.tables.reader import LONGEST_COLUMN, Table
+from coastwatch.sensors.recorded.tables.reader import LONGEST_COLUMN, Table, plain_name
 from coastwatch.spelling import did_you_mean
 from coastwatch.stage import Settings
 
@@ -109,6 +109,8 @@ AIS: dict[str, tuple[str, ...]] = HEMISPHERES | {
         "timestamp",
         "time_utc",
         "timestamp_utc",
+        "timestampexternal",  # of Digitraffic, ms; its `timestamp` is the second of the minute
+        "timestamp_external",
         "basedatetime",
         "base_date_time",
         "datetime",
@@ -122,8 +124,16 @@ AIS: dict[str, tuple[str, ...]] = HEMISPHERES | {
     "sog": ("sog", "sog_kn", "sog_knots", "speed", "speed_over_ground", "speedoverground"),
     "cog": ("cog", "cog_deg", "cog_degrees", "course", "course_over_ground", "courseoverground"),
     "ais_class": ("class", "ais_class", "type_of_mobile", "transceiver", "transceiverclass", "transcieverclass"),
-    "nav_status": ("nav_status", "navstatus", "navigational_status", "navigationalstatus", "navigation_status", "status"),
-    "accuracy": ("position_accuracy", "positionaccuracy", "accuracy"),
+    "nav_status": (
+        "nav_status",
+        "navstatus",
+        "navigational_status",
+        "navigationalstatus",
+        "navigation_status",
+        "navstat",
+        "status",
+    ),
+    "accuracy": ("position_accuracy", "positionaccuracy", "accuracy", "posacc"),
     "raim": ("raim", "raim_flag"),
     "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
     **{name: (name,) for name in POSITION_ENTRIES},
@@ -180,6 +190,8 @@ def find_columns(table: Table, part: str, named: Settings) -> dict[str, str | No
     for keys in (RANGES, AZIMUTHS) if part == "plots" else ():
         taken = next((key for key in keys if getattr(named, key)), next((key for key in keys if column[key]), None))
         column |= dict.fromkeys(key for key in keys if key != taken)
+    if getattr(named, "time", None) is None:
+        column["time"] = _time_column(table, column["time"], COLUMNS[part])
     if not named.model_fields_set - {"time", "received"}:
         parts = _parts(table)
         if parts and part not in parts:
@@ -189,6 +201,14 @@ def find_columns(table: Table, part: str, named: Settings) -> dict[str, str | No
                 f"use --{other} (in a scenario: input.{other})"
             )
     return column
+
+
+def _time_column(table: Table, found: str | None, aliases: dict[str, tuple[str, ...]]) -> str | None:
+    """The column of times: the one found, or another beside it, where that one holds seconds of the minute, as AIS messages do."""
+    if found is None or not table.is_second_of_minute(found):
+        return found
+    others = tuple(name for name in (*aliases["time"], *aliases["received"]) if name != plain_name(found))
+    return table.find(None, others) or found
 
 
 def need_columns(table: Table, part: str, column: dict[str, str | None], keys: Sequence[str]) -> None:
