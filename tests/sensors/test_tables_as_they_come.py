@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from coastwatch.batches import NavStatus, PositionAccuracy, Sonars
+from coastwatch.batches import NavStatus, PositionAccuracy, Sensors, Sonars, TrackSources
 from coastwatch.errors import InputError
 from coastwatch.sensors.recorded.tables.ais import AisTable
 from coastwatch.sensors.recorded.tables.feed import NO_SENSORS, Tables
@@ -211,3 +212,23 @@ def test_a_second_of_the_minute_is_no_time_beside_another_column(tmp_path: Path,
     alone = [row.replace(f",{1000 * (T0 + 9 * k)},", ",") for k, row in enumerate(rows)]
     reports, _, _ = AisTable(files=(table(tmp_path, *alone, header=header.replace(f",{other}", "")),)).read()
     assert (reports.received_s < 64.0).all()
+
+
+def sources_of(*names: str) -> Sensors:
+    n = len(names)
+    sources = TrackSources(np.array(names, "U32"), np.full((n, 2), np.nan), *np.full((4, n), np.nan))
+    return replace(NO_SENSORS, track_sources=sources)
+
+
+def test_the_error_of_unknown_sources_of_tracks_says_how_they_become_known(tmp_path: Path) -> None:
+    rows = [f"{T0 + 9 * k},{k},50.7,-1.1,{name}" for k, name in enumerate(("gfw", "vms", "gfw"))]
+    tracks, plan = (
+        Tables(tracks=(table(tmp_path, *rows, header="time,track,lat,lon,source"),)),
+        Plan(start_s=T0, period_s=3.0, cycles=1),
+    )
+    known = """--set 'track_sources=[{name="gfw"}, {name="vms"}]' makes them known (in a scenario: [[track_sources]])"""
+    with pytest.raises(InputError, match=f"'gfw', 'vms', needed one of table: {re.escape(known)}"):
+        tracks.load(sources_of("table"), 1, plan)
+    assert tracks.load(sources_of("gfw", "vms"), 1, plan).reports.tracks.sensor.tolist() == [0, 1, 0]
+    with pytest.raises(InputError, match=re.escape("""[{name="a"}, {name="b"}, {name="gfw"}, {name="vms"}]""")):
+        tracks.load(sources_of("a", "b"), 1, plan)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +30,7 @@ from coastwatch.sensors.recorded.tables.stated_units import angle_doubts, speed_
 from coastwatch.stage import Settings
 
 UNKNOWN_SOURCE = "unknown track source"
+MOST_SOURCES = 20  # that an error proposes
 COVARIANCE = "covariance that is none"
 
 
@@ -72,7 +75,9 @@ def track_reports(
     if column["source"] is None and only is not None:
         sensor = np.full(len(table), only, np.int64)
     else:
-        sensor = sensor_numbers(table, column["source"], sources.name, UNKNOWN_SOURCE, tally)
+        sensor = sensor_numbers(
+            table, column["source"], sources.name, UNKNOWN_SOURCE, tally, partial(_as_sources, sources.name.tolist())
+        )
     good = sensor >= 0
     covariance = _covariance(values)
     number, empty = numbers_of_names(table, str(column["track"]))
@@ -99,6 +104,15 @@ def track_reports(
         velocity_m_s=velocity,
         covariance=covariance[rows],
     )
+
+
+def _as_sources(known: list[str], names: list[str]) -> str:
+    """How to make the names of a column sources, in the words of an error. The source that a single file was given is not kept."""
+    if not names or len(names) > MOST_SOURCES or any(re.search(r"['\"\\]", name) for name in names):
+        return ""
+    every = names if len(known) == 1 else known + names
+    written = ", ".join(f'{{name="{name}"}}' for name in every)
+    return f": --set 'track_sources=[{written}]' makes them known (in a scenario: [[track_sources]])"
 
 
 def _possible(values: dict[str, Floats], speed_kn: float, table: Table, good: Bools, tally: Tally) -> dict[str, Floats]:
