@@ -7,10 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 from coastwatch.batches import NavStatus, PositionAccuracy, Sensors, Sonars, TrackSources
 from coastwatch.errors import InputError
+from coastwatch.sensors.recorded.files import has_sentences
 from coastwatch.sensors.recorded.tables.ais import AisTable
 from coastwatch.sensors.recorded.tables.feed import NO_SENSORS, Tables
 from coastwatch.sensors.recorded.tables.static_data import UNKNOWN_TYPE
@@ -232,3 +234,13 @@ def test_the_error_of_unknown_sources_of_tracks_says_how_they_become_known(tmp_p
     assert tracks.load(sources_of("gfw", "vms"), 1, plan).reports.tracks.sensor.tolist() == [0, 1, 0]
     with pytest.raises(InputError, match=re.escape("""[{name="a"}, {name="b"}, {name="gfw"}, {name="vms"}]""")):
         tracks.load(sources_of("a", "b"), 1, plan)
+
+
+@pytest.mark.parametrize("name", ["ais.geoparquet", "ais.pq", "ais"])
+def test_parquet_is_known_by_its_first_bytes(tmp_path: Path, name: str) -> None:
+    """With another ending it was refused as bytes that are not text."""
+    cells = {"time": [T0, T0 + 9, T0 + 18], "mmsi": [235070762] * 3, "lat": [50.7, 50.71, 99.0], "lon": [-1.1] * 3}
+    pl.DataFrame(cells | {"geometry": [b"\x01"] * 3}).write_parquet(tmp_path / name)
+    reports, _, (fault,) = AisTable(files=(tmp_path / name,)).read()
+    assert (len(reports), fault.first) == (2, f"{name}, row 3: MMSI 235070762 latitude 99 longitude -1.1 SOG nan COG nan")
+    assert not has_sentences(tmp_path / name, "ais")

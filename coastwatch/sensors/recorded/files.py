@@ -109,6 +109,12 @@ def head(path: Path, size: int | None = None) -> bytes:
         raise InputError(f"{path}: got gzip that cannot be decompressed ({error}), needed text, gzip or Parquet") from error
 
 
+def is_parquet(path: Path) -> bool:
+    """Whether a file is Parquet, by its first bytes: its name may end in .geoparquet, .pq or anything else. Raises: OSError."""
+    with path.open("rb") as file:
+        return file.read(len(PARQUET_MAGIC)) == PARQUET_MAGIC
+
+
 def as_utf8(content: bytes) -> bytes:
     """The same text in UTF-8 without a byte order mark, of text in UTF-8 or in UTF-16 with its mark."""
     wide = content[:2] in UTF_16_MARKS
@@ -122,8 +128,10 @@ def check_table(path: Path) -> None:
     """
     content = as_utf8(head(path))
     begin = content.lstrip()
+    if content.startswith(PARQUET_MAGIC):
+        return
     if path.suffix == ".parquet":
-        got = "" if content.startswith(PARQUET_MAGIC) else "bytes that are not Parquet"
+        got = "bytes that are not Parquet"
     elif not begin:
         got = "an empty file"
     elif (markup := MARKUP.get(begin[:1])) and not SENTENCE.search(begin.split(b"\n", 1)[0]):

@@ -17,7 +17,7 @@ from coastwatch.batches import Array, Bools, Floats, Ints
 from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.timestamps import MICROSECONDS_FROM, MILLISECONDS_FROM, NANOSECONDS_FROM
-from coastwatch.sensors.recorded.files import CUT_FILE, GZIP_MAGIC, as_utf8, check_table
+from coastwatch.sensors.recorded.files import CUT_FILE, GZIP_MAGIC, as_utf8, check_table, is_parquet
 
 if TYPE_CHECKING:
     import polars as pl
@@ -66,6 +66,7 @@ class Table:
     frame: pl.DataFrame
     row: Ints  # line of a CSV file, row of a Parquet file, from 1
     separator: str = ","
+    is_parquet: bool = False
     read: int = 0  # lines or rows of the file, with those of the wrong shape and without the header
 
     def __len__(self) -> int:
@@ -73,7 +74,7 @@ class Table:
 
     def location(self, i: int, column: str = "") -> str:
         """Location of row i of the frame: file and line."""
-        where = f"{self.name}, row {self.row[i]}" if self.name.endswith(".parquet") else f"{self.name}:{self.row[i]}"
+        where = f"{self.name}, row {self.row[i]}" if self.is_parquet else f"{self.name}:{self.row[i]}"
         return f"{where}, column {column}" if column else where
 
     def example(self, i: int) -> str:
@@ -83,7 +84,7 @@ class Table:
     def at(self, rows: Array) -> Table:
         """The rows under a mask or at indices."""
         keep = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
-        return Table(self.name, self.frame[keep], self.row[keep], self.separator, self.read)
+        return replace(self, frame=self.frame[keep], row=self.row[keep])
 
     def find(self, wanted: str | None, aliases: tuple[str, ...]) -> str | None:
         """The name of a column: `wanted`, or the first that has one of the aliases; None if there is none.
@@ -261,9 +262,9 @@ def read_table(path: Path, separator: str, tally: Tally) -> Table:
     """
     check_table(path)
     try:
-        if path.suffix == ".parquet":
+        if is_parquet(path):
             frame = pl.read_parquet(path)
-            table = Table(path.name, frame, np.arange(1, len(frame) + 1), read=len(frame))
+            table = Table(path.name, frame, np.arange(1, len(frame) + 1), is_parquet=True, read=len(frame))
         else:
             table = _read_csv(path, separator, tally)
     except (pl.exceptions.PolarsError, zlib.error) as error:
@@ -310,7 +311,7 @@ def _read_csv(path: Path, separator: str, tally: Tally) -> Table:
         good &= ~bad
     text = lines.filter(pl.Series(good)).str.join("\n")[0] + "\n"
     frame = pl.read_csv(io.BytesIO(text.encode()), separator=separator, infer_schema=False)
-    return Table(path.name, frame, row[good][1:], separator, len(lines) - 1)
+    return Table(path.name, frame, row[good][1:], separator, read=len(lines) - 1)
 
 
 def _header(lines: pl.Series, separator: str) -> tuple[int, str]:
