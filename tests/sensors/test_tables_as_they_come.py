@@ -244,3 +244,26 @@ def test_parquet_is_known_by_its_first_bytes(tmp_path: Path, name: str) -> None:
     reports, _, (fault,) = AisTable(files=(tmp_path / name,)).read()
     assert (len(reports), fault.first) == (2, f"{name}, row 3: MMSI 235070762 latitude 99 longitude -1.1 SOG nan COG nan")
     assert not has_sentences(tmp_path / name, "ais")
+
+
+@pytest.mark.parametrize(
+    ("lacking", "free", "cells", "proposed"),
+    [
+        ("mmsi", "ship", "235070762", "ship"),
+        ("mmsi", "ship", "1f0c-77aa", "NAME"),
+        ("lat", "geometry", "POINT(1 2)", "NAME"),
+        ("time", "at", "2016-01-12 13:02:11", "at"),
+        ("time", "at", "Dover", "NAME"),
+        ("track", "ident", "1f0c-77aa", "ident"),
+    ],
+)
+def test_the_only_free_column_is_proposed_if_it_may_hold_what_is_needed(
+    tmp_path: Path, lacking: str, free: str, cells: str, proposed: str
+) -> None:
+    values = {"time": str(T0), "track" if lacking == "track" else "mmsi": "235070762", "lat": "50.7", "lon": "-1.1"}
+    values = {key: value for key, value in values.items() if key != lacking} | {free: cells}
+    file = table(tmp_path, ",".join(values.values()), header=",".join(values))
+    key = {"lat": "latitude"}.get(lacking, lacking)
+    given = Tables(tracks=(file,)) if lacking == "track" else Tables(ais=(file,))
+    with pytest.raises(InputError, match=rf"--columns \w+\.{key}={proposed} names yours"):
+        given.load(sources_of("table"), 1, Plan(start_s=T0, period_s=3.0, cycles=1))

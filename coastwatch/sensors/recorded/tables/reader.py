@@ -238,6 +238,18 @@ class Table:
             len(first) and (numbers.is_between(0.0, HIGHEST_SECOND) & (numbers == numbers.floor())).fill_null(value=False).all()
         )
 
+    def may_hold(self, column: str, times: bool) -> bool:
+        """Whether the first cells of a column are numbers, or times."""
+        head = self.at(np.arange(min(len(self), FIRST_LINES)))
+        kind = self.frame[column].dtype
+        if kind != pl.String and not kind.is_numeric() and not (times and kind.is_temporal()):
+            return False
+        try:
+            values, bad = head.times(column, "auto") if times else head.numbers(column)
+        except InputError:
+            return False
+        return bool(np.isfinite(values).any() and not bad.any())
+
     def begins_with(self, column: str, letter: str) -> Bools:
         """Which cells begin with a letter, capital or small. (N,)"""
         cells = self.frame[column].cast(pl.String).str.strip_chars().str.to_uppercase()

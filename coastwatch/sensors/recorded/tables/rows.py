@@ -214,9 +214,11 @@ def _time_column(table: Table, found: str | None, aliases: dict[str, tuple[str, 
 def need_columns(table: Table, part: str, column: dict[str, str | None], keys: Sequence[str]) -> None:
     """Refuses a table without these columns. Raises: InputError that names its columns, what was looked for, and the option."""
     free = [name for name in table.frame.columns if name not in column.values()]
-    yours = free[0] if len(free) == 1 and len(free[0]) <= LONGEST_COLUMN else "NAME"
+    only = free[0] if len(free) == 1 and len(free[0]) <= LONGEST_COLUMN else None
     for key in keys:
         if column[key] is None:
+            fits = only is not None and (key in TEXTS or table.may_hold(only, times=key == "time"))
+            yours = only if fits else "NAME"
             raise table.lacks(
                 f"one of {', '.join(COLUMNS[part][key])}: --columns {part}.{key}={yours} names yours (in a scenario: "
                 f"input.{SETTING[part]}.{key})"
