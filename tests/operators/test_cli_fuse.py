@@ -23,6 +23,7 @@ from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S, offset_deg, to_plane
 from coastwatch.operators import recorded
 from coastwatch.operators.cli import inputs, main
+from coastwatch.operators.cli.common_vessels import CommonVessels
 from coastwatch.scenario import make_scenario
 from coastwatch.scenario.sites import TrackSource, sensors_of
 from coastwatch.sensors.recorded.files import has_sentences
@@ -501,3 +502,26 @@ def test_what_became_of_every_record_is_said_and_a_lost_one_fails_the_run(
     made = json.loads(out)
     assert [(fault["kind"], fault["count"]) for fault in made["faults"] if fault["kind"] == UNUSED] == [(UNUSED, 9)]
     assert made["records"]["unaccounted"] == 0
+
+
+@pytest.mark.parametrize(("apart", "wanted"), [(True, 1), (False, 0)])
+@pytest.mark.parametrize("far", [False, True])
+def test_a_radar_and_ais_without_a_vessel_in_common_are_warned_of(apart: bool, wanted: int, far: bool) -> None:
+    """AIS two hours off made every ship two, in silence. AIS vessels farther away than those of the radar say nothing."""
+    radars = [{"name": "hill", "latitude_deg": -17.0, "longitude_deg": 179.98, "range_nm": 12, "rpm": 20}]
+    document = {"name": "x", "title": "x", "area": {"latitude_deg": -17.0, "longitude_deg": 179.98}, "radars": radars}
+    sensors = make_scenario(document, "test", {}).sensors()
+    position = SITE + np.array([[0.01, 0.0], [0.0, 0.03], [0.02, 0.0], [0.0, 0.04]]) * np.array([1.0, 0.5])
+    every = np.concatenate([position, position[:3] + (0.1 if far else -0.001)])
+    vessel = np.arange(7)
+    picture = SimpleNamespace(vessel_id=vessel, position_deg=every, mmsi=np.where(vessel > 3, vessel, -1))
+    source = np.where(vessel > 3, sensors.ais_source, 0)
+    both = (vessel, source) if apart else (np.append(vessel, 5), np.append(source, 0))
+    common = CommonVessels(sensors)
+    for _ in range(100):
+        common.add(SimpleNamespace(picture=picture, members=SimpleNamespace(vessel_id=both[0], source=both[1])))
+    found = list(common.warnings())
+    assert len(found) == (wanted and not far)
+    assert not found or found[0].startswith(
+        "radar hill and AIS have no vessel in common, though 3 AIS vessels were among those"
+    )

@@ -5,13 +5,16 @@ from __future__ import annotations
 import argparse
 import errno
 import os
+import sys
 from pathlib import Path
 
 from coastwatch.errors import InputError
 from coastwatch.operators import recorded
+from coastwatch.operators.cli.common_vessels import CommonVessels
 from coastwatch.operators.cli.runs import carry_out
 from coastwatch.scenario import make_scenario
 from coastwatch.sensors.recorded.wire.stream import WireFile, wire_file
+from coastwatch.spelling import printable
 
 VIDEO = "video"
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff")
@@ -47,7 +50,12 @@ def fuse(options: argparse.Namespace) -> int:
     sensors["track_sources"] = recorded.track_sources(files, options.track_site, [sonar["name"] for sonar in options.sonar])
     document = recorded.document(files, sensors, files.default_period_s if options.period is None else options.period)
     scenario = make_scenario(document, "coastwatch fuse", dict(options.settings))
-    return carry_out(recorded.framed(scenario), options, None)
+    scenario = recorded.framed(scenario)
+    common = CommonVessels(scenario.sensors())
+    code = carry_out(scenario, options, None, common.add if options.radar else None)
+    for warning in common.warnings():
+        print(f"coastwatch: warning: {printable(warning)}", file=sys.stderr)
+    return code
 
 
 def _video_file(text: str) -> WireFile:
