@@ -118,7 +118,7 @@ def test_courses_in_tenths_of_a_degree_are_doubted_and_counted(tmp_path: Path, p
     source = TrackSources(np.array(["t"], "U32"), np.full((1, 2), np.nan), *np.full((4, 1), np.nan))
     recording = Tables(**{part: (file,)}).load(replace(sensors(), track_sources=source), 1, PLAN)
     (doubt,) = recording.contents[0].doubts
-    assert "up to 3599: are they in tenths of a degree? needed course in degrees" in doubt
+    assert "up to 3599: are they in tenths of a degree or counts of 4096 a turn? needed course in degrees" in doubt
     counts = {fault.kind: fault.count for fault in recording.faults}
     assert counts == {SOG_RANGE: 50, COG_RANGE: int((10.0 * AZIMUTH_DEG >= 360.05).sum())}
     if part == "tracks":

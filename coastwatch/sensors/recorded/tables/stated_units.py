@@ -59,8 +59,8 @@ def angle_doubts(angle: Floats, column: str, what: str) -> tuple[str, ...]:
     beyond = _many_beyond(size, BEYOND_DEG)
     if len(beyond):
         highest = float(beyond.max())
-        unit = next((name for turn, name in TURNS.items() if FULL_SHARE * turn <= highest <= turn), None)
-        asked = "in which unit are they?" if unit is None else f"are they in {unit}?"
+        units = " or ".join(name for turn, name in TURNS.items() if FULL_SHARE * turn <= highest <= turn)
+        asked = f"are they in {units}?" if units else "in which unit are they?"
         return (
             f"{len(beyond) / len(size):.0%} of the numbers in column {column} are beyond 360, up to {highest:.6g}: {asked} needed {what} "
             "in degrees; what is below 360 was taken as degrees",
