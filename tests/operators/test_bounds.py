@@ -22,11 +22,12 @@ from websockets.exceptions import InvalidStatus
 from websockets.frames import Frame, Opcode
 from websockets.sync.client import ClientConnection, connect
 
-from coastwatch.operators.api import bounds, guard, validation
+from coastwatch.operators.api import bounds, guard, turns, validation
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.people import Limits, Tokens, add
 from coastwatch.operators.api.streaming import take_messages
+from coastwatch.operators.api.turns import Turns, is_large
 
 pytestmark = pytest.mark.whole
 
@@ -413,3 +414,70 @@ def test_sockets_and_streams_together_leave_half_of_the_files_that_may_be_open(s
 def test_openapi_still_has_the_bodies(served: Served) -> None:
     paths = json.loads(served.get("/api/v1/openapi.json").text)["paths"]
     assert "requestBody" in paths["/api/v1/zones"]["post"]
+
+
+class _Counted:
+    """An application whose large answers take a while; how many are computed at a time, and which answers were given."""
+
+    def __init__(self, takes_s: float) -> None:
+        self.takes_s, self.now, self.most, self.given = takes_s, 0, 0, list[str]()
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        self.now += is_large(scope)
+        self.most = max(self.most, self.now)
+        await asyncio.sleep(self.takes_s if is_large(scope) else 0.0)
+        self.now -= is_large(scope)
+        self.given.append(scope["state"]["who"])
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        await asyncio.sleep(self.takes_s)  # a slow reader
+        await send({"type": "http.response.body", "body": b""})
+
+
+async def _asked(app: Turns, *asked: tuple[str, str]) -> list[tuple[int, dict[bytes, bytes]]]:
+    """The answers, statuses and headers, to requests that come at once. Args: asked: who and path."""
+
+    async def ask(who: str, target: str) -> tuple[int, dict[bytes, bytes]]:
+        path, _, query = target.partition("?")
+        sent: list[Any] = []
+        scope = {"type": "http", "method": "GET", "path": path, "query_string": query.encode(), "state": {"who": who}}
+
+        async def send(message: Any) -> None:
+            sent.append(message)
+
+        await app(scope, None, send)  # type: ignore[arg-type]
+        return sent[0]["status"], dict(sent[0]["headers"])
+
+    return await asyncio.gather(*(ask(*one) for one in asked))
+
+
+PICTURE = "/api/v1/picture"
+
+
+def test_large_answers_wait_for_their_turn_and_one_name_does_not_keep_out_another() -> None:
+    app = _Counted(0.01)
+    answers = asyncio.run(_asked(Turns(app), *[("many", PICTURE)] * 8, ("one", PICTURE), ("small", "/api/v1/status")))
+    assert [status for status, _ in answers] == [200] * 10
+    assert app.most == turns.AT_A_TIME
+    assert app.given[0] == "small"
+    assert app.given.index("one") <= 2
+
+
+def test_a_large_answer_whose_turn_does_not_come_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(turns, "WAIT_S", 0.02)
+    app = _Counted(0.1)
+    answers = asyncio.run(_asked(Turns(app), *[("many", PICTURE)] * 3, ("other", "/api/v1/vessels/3/history")))
+    assert sorted(status for status, _ in answers) == [200, 429, 429, 429]
+    assert all(b"retry-after" in headers for status, headers in answers if status == 429)
+
+
+@pytest.mark.parametrize(
+    ("target", "expected"),
+    [
+        ("/api/v1/picture?limit=10000", True), ("/api/v1/frame", True), ("/api/v1/vessels/7/decided", True),
+        ("/api/v1/vessels?ids=1&at=2026-07-01", True), ("/api/v1/vessels?ids=1", False), ("/api/v1/vessels/7?at=x", False),
+        ("/api/v1/status", False), ("/api/v1/alarms", False), ("/api/v1/stream", False),
+    ],
+)  # fmt: skip
+def test_which_answers_are_large(target: str, expected: bool) -> None:
+    path, _, query = target.partition("?")
+    assert is_large({"path": path, "query_string": query.encode()}) == expected
