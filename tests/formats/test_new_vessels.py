@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from nmea_sentences import T0, wire
 
 from coastwatch.formats.nmea import mmsi_table, new_vessels
+from coastwatch.formats.nmea.ais import AisDecoder
 from coastwatch.formats.nmea.mmsi_table import NONE_S, MmsiTable
-from coastwatch.formats.nmea.new_vessels import AGREES_WITHIN_S, BURST, MOST_WAITING, NewVessels
+from coastwatch.formats.nmea.new_vessels import AGREES_WITHIN_S, BURST, MOST_WAITING, NAME_BEYOND, NewVessels
 
 pytestmark = pytest.mark.contract
 
@@ -99,3 +101,27 @@ def test_a_table_holds_what_a_dict_does(steps: list[tuple[str, list[int]]], tail
             assert table.has(np.arange(21)).tolist() == [number in known for number in range(21)]
             assert sorted(table.column(1, now_s - 3.0)) == sorted(v for t, v in known.values() if t > now_s - 3.0)
             assert table.rows >= len(known)
+
+
+def test_names_of_mmsi_without_a_position_have_a_budget_and_those_of_vessels_none() -> None:
+    new, vessels = NewVessels(), FIRST + np.arange(BURST)
+    names = FIRST + np.arange(500_000)
+    first_s = [int(new.named(0, part, second).sum()) for second, part in enumerate(np.array_split(names, 18))]
+    assert sum(first_s) < 15_000
+    assert heard(new, vessels, 20.0).all()
+    assert new.named(0, np.concatenate([vessels, vessels]), 20.0).all()
+    assert new.named(1, names[-5_000:], 20.0).all(), "another feed"
+
+
+def test_a_name_that_comes_before_the_first_position_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(new_vessels, "BURST_OF_FEED", 3)
+    made = AisDecoder("feed", 0, True)
+    said = [{"msg_type": 24, "mmsi": FIRST + k, "partno": 0, "shipname": f"SHIP {k}"} for k in range(5)]
+    at = {"msg_type": 1, "mmsi": FIRST + 4, "lat": 59.5, "lon": 10.5, "speed": 3.0, "course": 4.0, "second": 60}
+    made.decode([(T0, line.encode(), 0) for row in [*said, at] for line in wire(row)], None)
+    found = made.reports_between(T0 - 9.0, T0)
+    assert found.statics.name.tolist() == ["SHIP 0", "SHIP 1", "SHIP 2", "SHIP 4"], "one of which has a position"
+    assert made.tally.count(NAME_BEYOND) == 1
+    late = {"msg_type": 24, "mmsi": FIRST + 3, "partno": 0, "shipname": "SHIP 3"}
+    made.decode([(T0 + 60.0, line.encode(), 0) for line in wire(late)], None)
+    assert made.reports_between(T0, T0 + 60.0).statics.name.tolist() == ["SHIP 3"]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import AisReports, AisStatics, Ints, Reports, Sensors
+from coastwatch.batches import AisReports, AisStatics, Bools, Ints, Reports, Sensors
 from coastwatch.formats import decoding
 from coastwatch.formats.decoding import FAR_AHEAD_S, Counts, Item, Newest, Stamps
 from coastwatch.formats.format import Format, rounded_deg
@@ -25,7 +26,7 @@ from coastwatch.formats.intake.ais_validation import (
 )
 from coastwatch.formats.intake.faults import Ledger, Tally
 from coastwatch.formats.nmea.messages import Assembler, Messages, messages_where
-from coastwatch.formats.nmea.new_vessels import BEYOND, NewVessels
+from coastwatch.formats.nmea.new_vessels import BEYOND, NAME_BEYOND, NewVessels
 from coastwatch.formats.nmea.payload import decoded
 from coastwatch.formats.nmea.sentence_feed import made_sentence
 from coastwatch.formats.nmea.sentences import FURTHER, LinesBefore, ais_sentences
@@ -161,9 +162,13 @@ class AisDecoder:
         self._alone = self._alone or Receivers([self])
         return self._alone.reports_between(after_s, until_s)
 
-    def accepted(self, rows: AisRows, until_s: float) -> Reports:
-        """The reports of these positions, and names and sizes up to an instant."""
-        reports, named = self._acceptance.block(rows, *self._named(until_s))
+    def accepted(self, rows: AisRows, until_s: float, are_used: Callable[[Ints, float], Bools]) -> Reports:
+        """The reports of these positions, and names and sizes up to an instant. Args: are_used: which names, by MMSI and time now."""
+        statics, static_rows = self._named(until_s)
+        mmsi = statics.mmsi[static_rows.static]
+        keep = are_used(mmsi, float(static_rows.stamp_s.max(initial=-math.inf)))
+        self.tally.add_rows(NAME_BEYOND, ~keep, lambda i: "live", lambda i: f"MMSI {mmsi[i]}")
+        reports, named = self._acceptance.block(rows, statics, static_rows if keep.all() else static_rows.take(keep))
         self.counts.records += len(reports) + len(named)
         return Reports(ais=reports, statics=named)
 
@@ -213,7 +218,7 @@ class Receivers:
             decoder.counts.set_aside, decoder.counts.no_room = int(waiting[number]), int(no_room[number])
             decoder.tally.add_rows(DUPLICATE, own & ~first, lambda i: "live", lambda i: f"MMSI {rows.mmsi[i]}")
             decoder.tally.add_rows(BEYOND, own & first & ~is_used, lambda i: "live", lambda i: f"MMSI {rows.mmsi[i]}")
-            reports.append(decoder.accepted(rows.take(own & first & is_used), until_s))
+            reports.append(decoder.accepted(rows.take(own & first & is_used), until_s, partial(self._new.named, number)))
         return Reports.merged(reports)
 
 

@@ -14,6 +14,8 @@ from coastwatch.kernels.tables.lookup import find
 
 BEYOND = "first report of an MMSI beyond the budget of its sender, set aside until a second one agrees"
 
+NAME_BEYOND = "name of an MMSI without a position beyond the budget of its feed, not used"
+
 BURST, PER_SECOND = 2_000, 20.0
 """New MMSI of one sender that are vessels at their first report: at once, and then a second."""
 
@@ -68,6 +70,7 @@ class NewVessels:
         self._no_room = np.zeros(0, np.int64)  # how many of each feed went as there was no room
         self._budgets: OrderedDict[tuple[int, int], _Budget] = OrderedDict()
         self._of_feeds: dict[int, _Budget] = {}
+        self._of_names: dict[int, _Budget] = {}  # by feed
         self._looked_s = -np.inf  # when those were forgotten that were not heard for long
 
     def accepted(self, mmsi: Ints, time_s: Floats, position_deg: Floats, feed: Ints, sender: Ints) -> Bools:
@@ -90,6 +93,19 @@ class NewVessels:
             self._accepted.keep_after(np.nextafter(now_s - FORGOTTEN_S, -np.inf))
             self._looked_s = now_s
         return is_used
+
+    def named(self, feed: int, mmsi: Ints, now_s: float) -> Bools:
+        """Which names of a feed are used: those of known MMSI, and of others within its budget, which is not that of positions.
+
+        A name may come minutes before the first position. Args: (M,). Returns: (M,).
+        """
+        is_used = self._accepted.has(mmsi)
+        unknown, first = np.unique(mmsi[~is_used], return_index=True)
+        if not len(unknown):
+            return is_used
+        budget = self._of_names.setdefault(feed, _Budget.full(BURST_OF_FEED, PER_SECOND_OF_FEED))
+        granted = unknown[np.argsort(first)][: budget.take(len(unknown), now_s)]
+        return is_used | (find(np.sort(granted), mmsi) >= 0)
 
     def _granted(self, rows: Ints, feed: Ints, sender: Ints, now_s: float) -> Ints:
         """The rows of new MMSI that are within the budgets of their senders. Args: rows: in order of time."""
