@@ -22,12 +22,12 @@ from websockets.exceptions import InvalidStatus
 from websockets.frames import Frame, Opcode
 from websockets.sync.client import ClientConnection, connect
 
-from coastwatch.operators.api import bounds, guard, turns, validation
+from coastwatch.operators.api import bounds, guard, validation
 from coastwatch.operators.api.application import application
+from coastwatch.operators.api.bounds import Turns, is_large
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.people import Limits, Tokens, add
 from coastwatch.operators.api.streaming import take_messages
-from coastwatch.operators.api.turns import Turns, is_large
 
 pytestmark = pytest.mark.whole
 
@@ -457,13 +457,13 @@ def test_large_answers_wait_for_their_turn_and_one_name_does_not_keep_out_anothe
     app = _Counted(0.01)
     answers = asyncio.run(_asked(Turns(app), *[("many", PICTURE)] * 8, ("one", PICTURE), ("small", "/api/v1/status")))
     assert [status for status, _ in answers] == [200] * 10
-    assert app.most == turns.AT_A_TIME
+    assert app.most == bounds.AT_A_TIME
     assert app.given[0] == "small"
     assert app.given.index("one") <= 2
 
 
 def test_a_large_answer_whose_turn_does_not_come_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(turns, "WAIT_S", 0.02)
+    monkeypatch.setattr(bounds, "WAIT_S", 0.02)
     app = _Counted(0.1)
     answers = asyncio.run(_asked(Turns(app), *[("many", PICTURE)] * 3, ("other", "/api/v1/vessels/3/history")))
     assert sorted(status for status, _ in answers) == [200, 429, 429, 429]

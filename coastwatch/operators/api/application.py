@@ -21,10 +21,10 @@ from coastwatch.errors import InputError, StoreError
 from coastwatch.operators.api import alarms, answers, validation, video_stream, webhooks, zones
 from coastwatch.operators.api.alarms import AlarmStream
 from coastwatch.operators.api.answers import In
+from coastwatch.operators.api.bounds import Turns
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard, methods_of
 from coastwatch.operators.api.service import NoPictureYet, Service
 from coastwatch.operators.api.streaming import serve_tracks
-from coastwatch.operators.api.turns import Turns
 from coastwatch.operators.api.wire import PROTOCOL, VERSIONS, spoken
 from coastwatch.server.regions.client import PATH
 from coastwatch.server.regions.link import Position
