@@ -118,10 +118,8 @@ def decode(data: bytes) -> RegionCycle:
         with np.load(io.BytesIO(data)) as file:  # numpy refuses arrays of objects by default
             arrays = {name: file[name] for name in wanted if name in file.files}
         run, time_s = str(arrays["run"][()]), float(arrays["time_s"])
-        seq, merged = (
-            _count(arrays, "seq"),
-            _count(arrays, "merged") if "merged" in arrays else 0,
-        )  # an older region merges none
+        seq = _count(arrays, "seq")
+        merged = _count(arrays, "merged") if "merged" in arrays else 0  # a region of an older version merges none
         names = [f.name for f in fields(RegionTracks) if f.name not in OPTIONAL or f.name in arrays]
         tracks = RegionTracks(**{name: arrays[name] for name in names})
     except Exception as error:  # whatever zipfile and numpy raise on damaged bytes
