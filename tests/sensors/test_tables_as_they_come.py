@@ -164,6 +164,12 @@ def test_the_class_of_marine_cadastre_is_read_as_it_is_misspelt(tmp_path: Path) 
     assert reports.class_b.tolist() == [False, True]
 
 
+@pytest.mark.parametrize("name", ["msgtime", "date_time_utc", "BaseDateTime", "base_date_time"])
+def test_the_time_of_other_authorities(tmp_path: Path, name: str) -> None:
+    file = table(tmp_path, "2016-01-12T13:02:11,235070762,50.7,-1.1,5,90", header=HEADER.replace("Time", name))
+    assert AisTable(files=(file,)).read()[0].time_s.tolist() == [T0]
+
+
 def test_static_data_that_a_row_leaves_out_stay(tmp_path: Path) -> None:
     """Each row without them, or with "Unknown" as call sign, was a new vessel's name and size, and the other way round."""
     said = ["OX1,SHIP,Cargo,20", "Unknown,,Undefined,", "OX1,SHIP,Cargo,20", "Unknown,,Undefined,", "OX1,SHIP,Tanker,20"]

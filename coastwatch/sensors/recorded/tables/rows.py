@@ -115,6 +115,8 @@ AIS: dict[str, tuple[str, ...]] = HEMISPHERES | {
         "base_date_time",
         "datetime",
         "date_time",
+        "date_time_utc",
+        "msgtime",
         "t",
     ),
     "received": ("received", "received_s", "receivetime", "receive_time", "received_utc"),
