@@ -182,8 +182,8 @@ def test_values_that_no_message_can_hold_are_counted_and_not_used(tmp_path: Path
     "body",
     [
         f"AIVDM,2,1,3,{'A' * 60_000},55P5TL01VIaAL@7WKO,0",
-        "AIVDM,2,1,3,ABC,55P5TL01VIaAL@7WKO,0",
-        "AIVDM,2,1,123,A,55P5TL01VIaAL@7WKO,0",
+        "AIVDM,2,1,3,ABCDE,55P5TL01VIaAL@7WKO,0",
+        "AIVDM,2,1,12345,A,55P5TL01VIaAL@7WKO,0",
         f"AIVDM{'X' * 300},2,1,3,A,55P5TL01VIaAL@7WKO,0",
         f"AIVDM,2,1,3,A,55P5TL01VIaAL@7WKO,{'0' * 60_000}",
     ],

@@ -14,13 +14,13 @@ MILLISECONDS_FROM, MICROSECONDS_FROM, NANOSECONDS_FROM = 1e11, 1e14, 1e17
 LEAST_UNIX_S = 1e8
 """Of a time before a sentence: a smaller number, as of a line, is no Unix time. It is of 1973."""
 
-NUMBER = re.compile(rb"\d+(?:\.\d+)?(?=[\s,;:|\])]|$)")
+NUMBER = re.compile(rb"\+?\d+(?:\.\d*)?(?:[eE]\+?\d+)?(?=[\s,;:|\])]|$)")
 COMPACT = re.compile(rb"(?:19|20|21)\d{12}")
 BEHIND = re.compile(rb"(?:^|[,;\s])(\d{9,10}(?:\.\d+)?|\d{13}|" + COMPACT.pattern + rb")\s*$")
 WRITTEN = re.compile(
-    rb"(\d{4}[-/]\d\d[-/]\d\d|\d{8})(?:T|[\s,;]+)"
-    rb"(\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?|\d{6})(?![\d.]|:\d)"
-    rb" ?(Z|[+-]\d\d(?::?\d\d)?|UTC|GMT|[AP]M|[A-Z]{1,4}T)?(?![A-Za-z\d])"
+    rb"(\d{4}[-/]\d\d[-/]\d\d|\d{8})(?:[Tt_-]|[\s,;]+)"
+    rb"(\d\d:\d\d(?::\d\d(?:\.\d+|,\d{3}(?!\d))?)?|\d{6})(?![\d.]|:\d)"
+    rb"([+-]\d\d(?!\d)| ?(?:Z|[+-]\d\d:?\d\d|UTC|GMT|[AP]M|[A-Z]{1,4}T))?(?![A-Za-z\d])"
 )
 """A date, a time of day, and a zone if there is one: an offset, or a name."""
 
@@ -84,7 +84,7 @@ def _compact_s(digits: bytes) -> float:
 
 def _written_s(match: re.Match[bytes]) -> float:
     """The time of a match of WRITTEN; NaN if there is no such day, or behind it is AM, PM or a zone by name."""
-    date, clock, zone = (part.decode("ascii") for part in match.groups(b""))
+    date, clock, zone = (part.decode("ascii").strip() for part in match.groups(b""))
     if zone.isalpha():
         if zone not in UTC_NAMES:
             return math.nan

@@ -21,7 +21,7 @@ LONGEST_PAYLOAD = 200
 LONGEST_SENTENCE = 256
 """Characters. NMEA 0183 says 82, but some loggers write a whole message into one: the payload above, and room for their own fields."""
 
-LONGEST_CHANNEL, LONGEST_NUMBER = 2, 2  # characters: A, B, 1 or 2; 0 to 9, by some gateways to 99
+LONGEST_CHANNEL, LONGEST_NUMBER = 4, 4  # characters: A, B, 1, 2 or the name of a channel, 2087; 0 to 9, by some gateways more
 FILL_BITS = {str(k).encode(): k for k in range(6)}
 PARTS = {str(k).encode(): k for k in range(1, 10)}
 PART_LINES = 1000  # largest distance between the parts of one message

@@ -27,8 +27,8 @@ BLOCK_BYTES = 1 << 18
 LONGEST = 65_536
 """Bytes of a message, as of a live feed."""
 
-BATCH = 1_000
-"""Messages that are decoded at a time: what comes out does not depend on how the file was read."""
+BATCH, VIDEO_BATCH = 1_000, 100
+"""Messages that are decoded at a time: what comes out does not depend on how the file was read. Those of video hold many cells."""
 
 REPEATED, WAITING = SET_ASIDE + "the same report again", "waiting for a cycle or for more of a message"
 DAMAGED_FILE = "file damaged, not read any further"
@@ -133,12 +133,13 @@ class _File:
         self.is_read = False
         self._uncut = Tally()  # what is refused before it comes to the decoder
         self._items = items_of(file, self._uncut)
+        self._batch = VIDEO_BATCH if file.format == "video" else BATCH
 
     def read_beyond(self, time_s: float) -> None:
         """Decode until a report is newer than an instant, or to the end."""
         while not self.is_read and not self.decoder.stamps.newest_s > time_s:
-            items = list(islice(self._items, BATCH))
-            self.is_read = len(items) < BATCH
+            items = list(islice(self._items, self._batch))
+            self.is_read = len(items) < self._batch
             newest_s = self.decoder.stamps.newest_s
             raw = bool(items) and math.isnan(items[0][0])
             decode(self.decoder, self.name, items, newest_s if raw and math.isfinite(newest_s) else None)
