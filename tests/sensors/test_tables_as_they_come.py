@@ -12,9 +12,12 @@ import pytest
 
 from coastwatch.batches import NavStatus, PositionAccuracy, Sensors, Sonars, TrackSources
 from coastwatch.errors import InputError
+from coastwatch.formats.intake.faults import Tally
 from coastwatch.sensors.recorded.files import has_sentences
 from coastwatch.sensors.recorded.tables.ais import AisTable
 from coastwatch.sensors.recorded.tables.feed import NO_SENSORS, Tables
+from coastwatch.sensors.recorded.tables.reader import read_table
+from coastwatch.sensors.recorded.tables.rows import numbers_of_names
 from coastwatch.sensors.recorded.tables.static_data import UNKNOWN_TYPE
 from coastwatch.stage import Plan
 
@@ -168,6 +171,13 @@ def test_the_class_of_marine_cadastre_is_read_as_it_is_misspelt(tmp_path: Path) 
 def test_the_time_of_other_authorities(tmp_path: Path, name: str) -> None:
     file = table(tmp_path, "2016-01-12T13:02:11,235070762,50.7,-1.1,5,90", header=HEADER.replace("Time", name))
     assert AisTable(files=(file,)).read()[0].time_s.tolist() == [T0]
+
+
+def test_a_contact_that_is_no_number_is_none_and_the_others_stay_what_they_are(tmp_path: Path) -> None:
+    file = tmp_path / "b.csv"
+    file.write_text("time,contact,bearing\n" + "".join(f"{T0 + k},{c},5\n" for k, c in enumerate(("nan", "7.0", "nan", "9"))))
+    number, empty = numbers_of_names(read_table(file, "auto", Tally()), "contact")
+    assert (number.tolist(), empty.tolist()) == ([-1, 7, -1, 9], [True, False, True, False])
 
 
 def test_static_data_that_a_row_leaves_out_stay(tmp_path: Path) -> None:

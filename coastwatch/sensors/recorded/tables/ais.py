@@ -25,7 +25,7 @@ from coastwatch.batches import (
     Sensors,
     nav_status_text,
 )
-from coastwatch.formats.intake.ais_validation import Acceptance, AisIntake, AisRows, StationKind, of_table
+from coastwatch.formats.intake.ais_validation import HIGHEST_SOG_KN, Acceptance, AisIntake, AisRows, StationKind, of_table
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.recorded.files import Fingerprint, fingerprint
@@ -194,7 +194,7 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     names = len(static_rows), len(static)
     notes = order_notes(settings.intake, intake, stream.backwards) + ((SIGNED_COG,) if missing == FULL_CIRCLE_DEG else ())
     if not of_speeds and column["sog"] is not None:
-        of_speeds = speed_doubts(rows.sog_kn, settings.speed_unit, column["sog"])
+        of_speeds = speed_doubts(rows.sog_kn, HIGHEST_SOG_KN, settings.speed_unit, column["sog"])
     doubtful = of_speeds + of_courses
     tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg, doubtful, names, notes))
     return reports, static

@@ -192,7 +192,7 @@ def find_columns(table: Table, part: str, named: Settings) -> dict[str, str | No
     for keys in (RANGES, AZIMUTHS) if part == "plots" else ():
         taken = next((key for key in keys if getattr(named, key)), next((key for key in keys if column[key]), None))
         column |= dict.fromkeys(key for key in keys if key != taken)
-    if getattr(named, "time", None) is None:
+    if part == "ais" and getattr(named, "time", None) is None:
         column["time"] = _time_column(table, column["time"], COLUMNS[part])
     if not named.model_fields_set - {"time", "received"}:
         parts = _parts(table)
@@ -384,10 +384,11 @@ def sensor_numbers(
 
 def numbers_of_names(table: Table, column: str) -> tuple[Ints, Bools]:
     """A number for each name in a column, in order of the names, and which rows have none. A whole number stays what it is."""
-    empty = np.asarray(table.empty(column).to_numpy(), np.bool_) | (np.array(table.texts(column), "U") == "")
+    texts = np.array(table.texts(column), "U")
     number, bad = table.numbers(column)
+    empty = np.asarray(table.empty(column).to_numpy(), np.bool_) | (texts == "") | (np.isnan(number) & ~bad)  # a NaN is no name
     whole = ~bad & np.isfinite(number) & (number == np.floor(number)) & (np.abs(number) < 2**53)
     if whole[~empty].all():
         return np.where(whole, number, -1.0).astype(np.int64), empty
-    _, index = np.unique(np.array(table.texts(column), "U"), return_inverse=True)
+    _, index = np.unique(texts, return_inverse=True)
     return index.astype(np.int64), empty

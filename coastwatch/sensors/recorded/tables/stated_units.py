@@ -7,7 +7,6 @@ import re
 import numpy as np
 
 from coastwatch.batches import Floats, Ints, Radars
-from coastwatch.formats.intake.ais_validation import HIGHEST_SOG_KN
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.sensors.recorded.tables.reader import plain_name
 from coastwatch.sensors.recorded.tables.stated_motion import TENTHS
@@ -71,16 +70,17 @@ def angle_doubts(angle: Floats, column: str, what: str) -> tuple[str, ...]:
     return ()
 
 
-def speed_doubts(sog_kn: Floats, unit: str, column: str) -> tuple[str, ...]:
-    """That many speeds are beyond what a message of AIS can hold. Args: sog_kn: (M,), NaN: none; unit: in which they were taken."""
+def speed_doubts(sog_kn: Floats, highest_kn: float, unit: str, column: str) -> tuple[str, ...]:
+    """That many speeds are beyond the highest one. Args: sog_kn: (M,), NaN: none; unit: in which they were taken."""
     stated = sog_kn[np.isfinite(sog_kn)]
-    beyond = _many_beyond(stated, HIGHEST_SOG_KN)
+    beyond = _many_beyond(stated, highest_kn)
     if not len(beyond):
         return ()
     mend = "" if unit == TENTHS else f', --set "input.speed_unit={TENTHS}"'
+    share = f"{len(beyond) / len(stated):.0%}"
     return (
-        f"{len(beyond) / len(stated):.0%} of the speeds in column {column} are beyond 102.3 kn, up to {beyond.max():.4g}, and not used: "
-        f"in which unit are they{mend}?",
+        f"{share} of the speeds in column {column} are beyond {highest_kn:.1f} kn, up to {beyond.max():.4g}, and not used: in which unit "
+        f"are they{mend}?",
     )
 
 

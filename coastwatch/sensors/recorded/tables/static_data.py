@@ -13,6 +13,7 @@ from coastwatch.sensors.recorded.tables.reader import NO_VALUE, Table
 
 UNKNOWN_TYPE = SET_ASIDE + "unknown ship type, taken as not sent"
 NOT_SENT = -1
+LONGEST_TEXT = 64  # characters of a name or a word of a type that are looked at
 TYPE_WORDS = {
     "wig": 20,
     "wing in ground": 20,
@@ -92,7 +93,7 @@ def _last_stated(known: Bools, begins: Bools) -> Ints:
 
 def _names(table: Table, column: str | None, kind: str) -> Array:
     """The texts of a column, empty where they stand for no value."""
-    texts = np.array(table.texts(column), "U")
+    texts = np.array([text[:LONGEST_TEXT] for text in table.texts(column)], "U")  # an array is as wide as its longest text
     if column is not None:
         found, at = np.unique(texts, return_inverse=True)
         texts = np.array([re.sub(NO_VALUE, "", text) for text in found.tolist()], "U")[at.reshape(-1)]

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from coastwatch.batches import Bools, Floats, TrackReports, TrackSources
-from coastwatch.formats.intake.ais_validation import COG_RANGE, FIRST_WRONG_COG_DEG, HIGHEST_SOG_KN, SOG_RANGE, AisIntake
-from coastwatch.formats.intake.faults import Tally
+from coastwatch.batches.limits import MOST_SPEED_M_S
+from coastwatch.formats.intake.ais_validation import COG_RANGE, FIRST_WRONG_COG_DEG, AisIntake
+from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.recorded.tables.reader import Table, read_table
 from coastwatch.sensors.recorded.tables.rows import (
@@ -32,6 +33,8 @@ from coastwatch.stage import Settings
 UNKNOWN_SOURCE = "unknown track source"
 MOST_SOURCES = 20  # that an error proposes
 COVARIANCE = "covariance that is none"
+FASTEST_KN = MOST_SPEED_M_S / KNOT_M_S
+TOO_FAST = SET_ASIDE + f"SOG beyond {FASTEST_KN:.0f} kn, taken as not available"
 
 
 class TrackColumns(Settings):
@@ -91,7 +94,7 @@ def track_reports(
     source = "SOG" if column["east_m_s"] is None or column["north_m_s"] is None else "the velocity"
     doubtful = doubts(track, values["time"][rows], position, velocity, speed_unit if source == "SOG" else "m/s", source)
     if not doubtful and column["sog"] is not None:
-        doubtful = speed_doubts(values["sog"] * SPEED_KN[speed_unit], speed_unit, column["sog"])
+        doubtful = speed_doubts(values["sog"] * SPEED_KN[speed_unit], FASTEST_KN, speed_unit, column["sog"])
     if column["cog"] is not None:
         doubtful += angle_doubts(values["cog"], column["cog"], "course")
     tally.add_file(content_of(table, "track states", column, values["time"][rows], position, doubtful, notes=notes))
@@ -116,13 +119,13 @@ def _as_sources(known: list[str], names: list[str]) -> str:
 
 
 def _possible(values: dict[str, Floats], speed_kn: float, table: Table, good: Bools, tally: Tally) -> dict[str, Floats]:
-    """The values with SOG in knots; SOG and COG that no message of AIS can hold are counted, and not available.
+    """The values with SOG in knots; SOG of no vessel and aircraft on the sea, and COG that is none, are counted, and not available.
 
     Args: speed_kn: of the unit of SOG; good: (M,) rows that are used.
     """
     sog_kn, cog_deg = values["sog"] * speed_kn, values["cog"]
-    too_fast, no_course = (sog_kn < 0.0) | (sog_kn > HIGHEST_SOG_KN), np.abs(cog_deg) >= FIRST_WRONG_COG_DEG
-    for kind, mask in ((SOG_RANGE, too_fast), (COG_RANGE, no_course)):
+    too_fast, no_course = (sog_kn < 0.0) | (sog_kn > FASTEST_KN), np.abs(cog_deg) >= FIRST_WRONG_COG_DEG
+    for kind, mask in ((TOO_FAST, too_fast), (COG_RANGE, no_course)):
         tally.add_rows(kind, good & mask, table.location, table.example, used=True)
     return values | {"sog": np.where(too_fast, np.nan, sog_kn), "cog": np.where(no_course, np.nan, cog_deg)}
 
