@@ -34,7 +34,7 @@ MOST_SENSORS = 6  # round which vessels are put
 
 ALONE = Workers(serial, serial_regions)
 
-_warm: set[object] = set()  # the kinds of runs whose kernels this process has loaded
+_loaded: set[object] = set()  # the kinds of runs whose kernels this process has loaded
 
 
 def warm_up(
@@ -46,11 +46,11 @@ def warm_up(
     """
     kind = kind_of(scenario.model_dump(exclude={"name", "title", "store"})), _with_spots(scenario).spots.count > 1, video
     is_here = workers.spots is serial and isinstance(workers.regions, ThreadedRegions)
-    if is_here and kind in _warm:
+    if is_here and kind in _loaded:
         return
     load_kernels(scenario, sensors, report, workers, video=video)
     if is_here:
-        _warm.add(kind)
+        _loaded.add(kind)
 
 
 def kind_of(settings: Any) -> object:

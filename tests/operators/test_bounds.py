@@ -24,7 +24,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from coastwatch.operators.api import bounds, guard, validation
 from coastwatch.operators.api.application import application
-from coastwatch.operators.api.bounds import Turns, is_large
+from coastwatch.operators.api.bounds import LargeAnswerQueue, is_large
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.people import Limits, Tokens, add
 from coastwatch.operators.api.streaming import take_messages
@@ -433,7 +433,7 @@ class _Counted:
         await send({"type": "http.response.body", "body": b""})
 
 
-async def _asked(app: Turns, *asked: tuple[str, str]) -> list[tuple[int, dict[bytes, bytes]]]:
+async def _asked(app: LargeAnswerQueue, *asked: tuple[str, str]) -> list[tuple[int, dict[bytes, bytes]]]:
     """The answers, statuses and headers, to requests that come at once. Args: asked: who and path."""
 
     async def ask(who: str, target: str) -> tuple[int, dict[bytes, bytes]]:
@@ -455,7 +455,9 @@ PICTURE = "/api/v1/picture"
 
 def test_large_answers_wait_for_their_turn_and_one_name_does_not_keep_out_another() -> None:
     app = _Counted(0.01)
-    answers = asyncio.run(_asked(Turns(app), *[("many", PICTURE)] * 8, ("one", PICTURE), ("small", "/api/v1/status")))
+    answers = asyncio.run(
+        _asked(LargeAnswerQueue(app), *[("many", PICTURE)] * 8, ("one", PICTURE), ("small", "/api/v1/status"))
+    )
     assert [status for status, _ in answers] == [200] * 10
     assert app.most == bounds.AT_A_TIME
     assert app.given[0] == "small"
@@ -465,7 +467,7 @@ def test_large_answers_wait_for_their_turn_and_one_name_does_not_keep_out_anothe
 def test_a_large_answer_whose_turn_does_not_come_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bounds, "WAIT_S", 0.02)
     app = _Counted(0.1)
-    answers = asyncio.run(_asked(Turns(app), *[("many", PICTURE)] * 3, ("other", "/api/v1/vessels/3/history")))
+    answers = asyncio.run(_asked(LargeAnswerQueue(app), *[("many", PICTURE)] * 3, ("other", "/api/v1/vessels/3/history")))
     assert sorted(status for status, _ in answers) == [200, 429, 429, 429]
     assert all(b"retry-after" in headers for status, headers in answers if status == 429)
 

@@ -15,9 +15,9 @@ from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.sensors.recorded.files import has_sentences
 from coastwatch.sensors.recorded.tables.ais import AisTable
-from coastwatch.sensors.recorded.tables.feed import NO_SENSORS, Tables
+from coastwatch.sensors.recorded.tables.feed import NO_SENSORS, PlotColumns, Tables
 from coastwatch.sensors.recorded.tables.reader import read_table
-from coastwatch.sensors.recorded.tables.rows import numbers_of_names
+from coastwatch.sensors.recorded.tables.rows import find_columns, numbers_of_names
 from coastwatch.sensors.recorded.tables.static_data import UNKNOWN_TYPE
 from coastwatch.stage import Plan
 
@@ -178,6 +178,25 @@ def test_a_contact_that_is_no_number_is_none_and_the_others_stay_what_they_are(t
     file.write_text("time,contact,bearing\n" + "".join(f"{T0 + k},{c},5\n" for k, c in enumerate(("nan", "7.0", "nan", "9"))))
     number, empty = numbers_of_names(read_table(file, "auto", Tally()), "contact")
     assert (number.tolist(), empty.tolist()) == ([-1, 7, -1, 9], [True, False, True, False])
+
+
+def test_times_of_plots_may_begin_at_0(tmp_path: Path) -> None:
+    file = tmp_path / "p.csv"
+    file.write_text("time,received,range_m,azimuth\n" + "".join(f"{k},{k + 20},1000,{k}\n" for k in range(30)))
+    assert find_columns(read_table(file, "auto", Tally()), "plots", PlotColumns())["time"] == "time"
+
+
+def test_a_helicopter_keeps_its_speed_in_a_table_of_tracks(tmp_path: Path) -> None:
+    file = tmp_path / "t.csv"
+    file.write_text(f"track,time,lat,lon,sog,cog\n1,{T0},50.7,-1.1,150,90\n1,{T0 + 1},50.7,-1.1,230,90\n")
+    source = TrackSources(np.array(["t"], "U32"), np.full((1, 2), np.nan), *np.full((4, 1), np.nan))
+    tracks = (
+        Tables(tracks=(file,))
+        .load(replace(NO_SENSORS, track_sources=source), 1, Plan(start_s=T0 - 1.0, period_s=3.0, cycles=2))
+        .reports.tracks
+    )
+    assert tracks.velocity_m_s[0] == pytest.approx([150.0 * 1852.0 / 3600.0, 0.0])
+    assert np.isnan(tracks.velocity_m_s[1]).all()
 
 
 def test_static_data_that_a_row_leaves_out_stay(tmp_path: Path) -> None:

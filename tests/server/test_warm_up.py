@@ -86,7 +86,7 @@ def test_a_second_run_of_a_kind_goes_on_at_once_and_another_kind_or_new_processe
 ) -> None:
     loaded: list[str] = []
     monkeypatch.setattr("coastwatch.server.warm_up.load_kernels", lambda scenario, *_, **__: loaded.append(scenario.name))
-    monkeypatch.setattr("coastwatch.server.warm_up._warm", set())
+    monkeypatch.setattr("coastwatch.server.warm_up._loaded", set())
 
     def loads(settings: dict[str, str], workers: Workers, video: bool = False) -> bool:
         loaded.clear()

@@ -21,7 +21,7 @@ from coastwatch.errors import InputError, StoreError
 from coastwatch.operators.api import alarms, answers, validation, video_stream, webhooks, zones
 from coastwatch.operators.api.alarms import AlarmStream
 from coastwatch.operators.api.answers import In
-from coastwatch.operators.api.bounds import Turns
+from coastwatch.operators.api.bounds import LargeAnswerQueue
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard, methods_of
 from coastwatch.operators.api.service import NoPictureYet, Service
 from coastwatch.operators.api.streaming import serve_tracks
@@ -91,7 +91,7 @@ def application(service: Service, guard: Guard, web: Path = WEB, hooks: Sequence
         app.include_router(routes)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
     app.add_middleware(Heads)
-    app.add_middleware(Turns)
+    app.add_middleware(LargeAnswerQueue)
     app.add_middleware(guard.middleware, metrics=service.metrics, audit=service.audit)
     if (web / "index.html").is_file():
         app.mount("/", StaticFiles(directory=web, html=True), name="web")

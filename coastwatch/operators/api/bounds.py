@@ -85,31 +85,34 @@ def is_large(scope: Scope) -> bool:
     return bool(LARGE.fullmatch(path)) or (path == OF_THE_PAST and "at" in parse_qs(scope["query_string"].decode("latin-1")))
 
 
-class Turns:
-    """Has large answers wait for their turn: of each name one, and of all names AT_A_TIME. So one name does not keep out the others."""
+class LargeAnswerQueue:
+    """Has large answers wait: of each name one is computed, and of all names AT_A_TIME. So one name does not keep out the others."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app, self._all = app, asyncio.Semaphore(AT_A_TIME)
         self._own: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()  # of names that ask now
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """As of ASGI. A turn ends when the answer is made: who reads slowly holds up nobody."""
+        """As of ASGI. The next one begins when an answer is made: who reads slowly holds up nobody.
+
+        Whether a client has gone is not asked: that would read on, and what it sends ahead of its answers is bounded.
+        """
         if scope["type"] != "http" or not is_large(scope):
             await self._app(scope, receive, send)
             return
         own = self._own.setdefault(scope["state"]["who"], asyncio.Lock())
-        async with AsyncExitStack() as turn:
+        async with AsyncExitStack() as place:
             try:
                 async with asyncio.timeout(WAIT_S):
-                    await turn.enter_async_context(own)
-                    await turn.enter_async_context(self._all)
+                    await place.enter_async_context(own)
+                    await place.enter_async_context(self._all)
             except TimeoutError:
                 detail = f"large answers: other ones were computed for {WAIT_S:g} s, ask again, for fewer at a time"
                 await JSONResponse({"detail": detail}, 429, {"Retry-After": f"{WAIT_S:.0f}"})(scope, receive, send)
                 return
 
             async def sending(message: Message) -> None:
-                await turn.aclose()
+                await place.aclose()
                 await send(message)
 
             await self._app(scope, receive, sending)

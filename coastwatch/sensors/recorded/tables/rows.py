@@ -352,11 +352,11 @@ def off_earth(values: dict[str, Floats]) -> dict[str, Bools]:
 
 
 def sensor_numbers(
-    table: Table, column: str | None, names: Array, kind: str, tally: Tally, mend: Callable[[list[str]], str] = lambda _: ""
+    table: Table, column: str | None, names: Array, kind: str, tally: Tally, remedy: Callable[[list[str]], str] = lambda _: ""
 ) -> Ints:
     """The number of the sensor of each row, -1 for an unknown name. A single sensor needs no name.
 
-    Args: kind: of the fault of an unknown name; mend: how these names become known. Raises: InputError: no row has a known name.
+    Args: kind: of the fault of an unknown name; remedy: how these names become known. Raises: InputError: no row has a known name.
     """
     if column is None and len(names) == 1:
         return np.zeros(len(table), np.int64)
@@ -370,7 +370,7 @@ def sensor_numbers(
         got = ", ".join(repr(str(n)) for n in names_found[:SHOWN_NAMES]) + (", ..." if len(names_found) > SHOWN_NAMES else "")
         raise InputError(
             f"{table.location(0, column)}: got {kind} in every row, {got}, needed one of {', '.join(number_of_name)}"
-            f"{did_you_mean(str(names_found[0]), list(number_of_name))}{mend([str(n) for n in names_found if n])}"
+            f"{did_you_mean(str(names_found[0]), list(number_of_name))}{remedy([str(n) for n in names_found if n])}"
         )
     sensor = of_name[number]
     tally.add_rows(

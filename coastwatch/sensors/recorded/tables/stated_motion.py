@@ -42,7 +42,7 @@ def doubts(track: Ints, time_s: Floats, position_deg: Floats, velocity_m_s: Floa
     before, after = position_deg[:-1][steps], position_deg[1:][steps]
     median, tracks = _ratio(number, stated_m, difference_m(after, before))
     if np.isfinite(median):
-        return _of_ratio(median, tracks, unit, source)
+        return _unit_doubts(median, tracks, unit, source)
     if (np.abs(position_deg) <= HIGHEST_LATITUDE_DEG).all():
         median, tracks = _ratio(number, stated_m, difference_m(after[:, ::-1], before[:, ::-1]))
         if abs(median - 1.0) <= TOLERANCE:
@@ -53,7 +53,7 @@ def doubts(track: Ints, time_s: Floats, position_deg: Floats, velocity_m_s: Floa
     return ()
 
 
-def _of_ratio(median: float, tracks: int, unit: str, source: str) -> tuple[str, ...]:
+def _unit_doubts(median: float, tracks: int, unit: str, source: str) -> tuple[str, ...]:
     """The doubt about the unit of speed, none where the ratio is about 1."""
     sizes = {other: size / SPEED_KN[unit] for other, size in SPEED_KN.items() if other != unit}
     other = next((other for other, size in sizes.items() if abs(median / size - 1.0) <= TOLERANCE), None)

@@ -79,7 +79,7 @@ def track_reports(
         sensor = np.full(len(table), only, np.int64)
     else:
         sensor = sensor_numbers(
-            table, column["source"], sources.name, UNKNOWN_SOURCE, tally, partial(_as_sources, sources.name.tolist())
+            table, column["source"], sources.name, UNKNOWN_SOURCE, tally, partial(_option_for_sources, sources.name.tolist())
         )
     good = sensor >= 0
     covariance = _covariance(values)
@@ -89,7 +89,7 @@ def track_reports(
         good &= ~mask
     rows, received, notes = arrived(table, good, values, intake, tally)
     position = np.stack([values["latitude"], values["longitude"]], axis=-1)[rows]
-    velocity = _velocity(_possible(values, SPEED_KN[speed_unit], table, good, tally))[rows]
+    velocity = _velocity(_speeds_and_courses_in_range(values, SPEED_KN[speed_unit], table, good, tally))[rows]
     _, track = np.unique(np.stack([sensor, number], axis=-1)[rows], axis=0, return_inverse=True)
     source = "SOG" if column["east_m_s"] is None or column["north_m_s"] is None else "the velocity"
     doubtful = doubts(track, values["time"][rows], position, velocity, speed_unit if source == "SOG" else "m/s", source)
@@ -109,7 +109,7 @@ def track_reports(
     )
 
 
-def _as_sources(known: list[str], names: list[str]) -> str:
+def _option_for_sources(known: list[str], names: list[str]) -> str:
     """How to make the names of a column sources, in the words of an error. The source that a single file was given is not kept."""
     if not names or len(names) > MOST_SOURCES or any(re.search(r"['\"\\]", name) for name in names):
         return ""
@@ -118,7 +118,9 @@ def _as_sources(known: list[str], names: list[str]) -> str:
     return f": --set 'track_sources=[{written}]' makes them known (in a scenario: [[track_sources]])"
 
 
-def _possible(values: dict[str, Floats], speed_kn: float, table: Table, good: Bools, tally: Tally) -> dict[str, Floats]:
+def _speeds_and_courses_in_range(
+    values: dict[str, Floats], speed_kn: float, table: Table, good: Bools, tally: Tally
+) -> dict[str, Floats]:
     """The values with SOG in knots; SOG of no vessel and aircraft on the sea, and COG that is none, are counted, and not available.
 
     Args: speed_kn: of the unit of SOG; good: (M,) rows that are used.
