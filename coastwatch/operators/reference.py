@@ -13,7 +13,7 @@ from pathlib import Path
 from coastwatch.operators import presentation, settings
 from coastwatch.operators.cli.arguments import Parser
 from coastwatch.operators.cli.parser import EPILOG, make_parsers
-from coastwatch.scenario import Scenario, scenario_names
+from coastwatch.scenario import Scenario
 from coastwatch.store.schema.migrate import write_schemas
 
 FILE = Path(__file__).with_name("REFERENCE.md")
@@ -48,9 +48,7 @@ def text() -> str:
     """The whole reference as Markdown, but for methods of papers."""
     questions = presentation.questions()
     of_questions = _rows(tuple(questions.columns), [(f"`{name}`", *row) for name, *row in questions.rows])
-    of_scenarios = "`coastwatch scenarios` gives their titles. " + ", ".join(f"`{name}`" for name, _ in scenario_names()) + "."
     parts = [HEAD, *_commands(), "## Questions of `coastwatch query`\n", *of_questions]
-    parts += ["## Scenarios\n", _prose(of_scenarios) + "\n"]
     parts += _settings()
     return "\n".join(parts).rstrip() + "\n"
 

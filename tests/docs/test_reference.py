@@ -1,4 +1,4 @@
-"""What REFERENCE.md, and PAPERS.md of the methods of papers, say of commands, settings, methods, questions and scenarios."""
+"""What REFERENCE.md, and PAPERS.md of the methods of papers, say of commands, settings, methods and questions."""
 
 import re
 from functools import cache
@@ -91,7 +91,6 @@ def test_every_scenario_is_documented() -> None:
     folders = {p.name for p in (HOUSE / "scenarios").iterdir() if (p / "scenario.toml").is_file()}
     assert folders == {name for name, _ in scenario_names()}
     for name in folders:
-        assert f"`{name}`" in WRITTEN
         readme = HOUSE / "scenarios" / name / "README.md"
         assert readme.is_file(), f"scenarios/{name} has no README.md"
         assert len(readme.read_text("utf-8").split()) > 20

@@ -69,7 +69,7 @@ def check(sentences: list[bytes]) -> int:
             assert rows.mmsi[k] == int(said.mmsi)
             assert rows.position_deg[k].tolist() == [said.lat, said.lon]
             assert rows.sog_kn[k] == said.speed or (kind == 27 and said.speed == 63 and math.isnan(rows.sog_kn[k]))
-            assert rows.cog_deg[k] == said.course
+            assert rows.cog_deg[k] == said.course or (kind == 27 and said.course == 511 and math.isnan(rows.cog_deg[k]))
             assert rows.second[k] == (-1 if kind == 27 else said.second)
             unknown = kind == 27 or said.heading is None or said.heading >= 360
             assert math.isnan(rows.heading_deg[k]) if unknown else rows.heading_deg[k] == said.heading
@@ -134,6 +134,13 @@ def test_checksums_of_many_sentences_are_those_of_each(bodies: list[tuple[bytes,
     sentences = [b"!" + body + f"*{checksum(body) ^ (not right):02X}".encode() for body, right in made]
     assert checksums_are_right(sentences).tolist() == [right for _, right in made]
     assert not checksums_are_right([b"!AIVDM*ZZ"]).any()
+
+
+def test_a_course_that_a_long_range_report_does_not_give_is_no_fault() -> None:
+    """511 was counted as a course that no message can hold."""
+    rows, _, _, tally = ours([b"!AIVDM,1,1,,,Ko`BEkd6?`<`t0Ot,0*61"])
+    assert (rows.mmsi.tolist(), np.isnan(rows.cog_deg).tolist()) == ([512005582], [True])
+    assert not tally.faults()
 
 
 def test_no_sentence_gives_no_row() -> None:

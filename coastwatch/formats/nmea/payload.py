@@ -40,7 +40,7 @@ WHERE: dict[str, tuple[tuple[int, int], ...]] = {  # first bit and width of a fi
     "accurate": ((60, 1), (56, 1), (38, 1)),
     "raim": ((148, 1), (147, 1), (39, 1)),
 }
-UNKNOWN_LONG_RANGE_SOG = 63  # knots
+UNKNOWN_LONG_RANGE_SOG, UNKNOWN_LONG_RANGE_COG = 63, 511  # knots, degrees
 
 
 def decoded(messages: Messages, name: str, tally: Tally) -> tuple[AisRows, AisStatics, StaticRows]:
@@ -115,7 +115,7 @@ def _positions(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> Ais
                 raw[name][mine] = take(some, start, width)
     far = form == 2
     position = [np.where(far, _degrees(1000 * raw[name]), _degrees(raw[name])) for name in ("lat", "lon")]
-    unknown = far & (raw["sog"] == UNKNOWN_LONG_RANGE_SOG)
+    unknown_sog, unknown_cog = far & (raw["sog"] == UNKNOWN_LONG_RANGE_SOG), far & (raw["cog"] == UNKNOWN_LONG_RANGE_COG)
     monitored = (raw["raim"] == 1) & (kind_of_row != 19)  # type 19 has other data in that bit
     return AisRows(
         row=messages.line[rows],
@@ -124,8 +124,8 @@ def _positions(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> Ais
         second=np.where(far, -1, raw["second"]),
         mmsi=bits(six, 8, 30),
         position_deg=np.stack(position, axis=-1),
-        sog_kn=np.where(unknown, np.nan, np.where(far, raw["sog"], raw["sog"] / 10.0)),
-        cog_deg=np.where(far, raw["cog"], raw["cog"] / 10.0),
+        sog_kn=np.where(unknown_sog, np.nan, np.where(far, raw["sog"], raw["sog"] / 10.0)),
+        cog_deg=np.where(unknown_cog, np.nan, np.where(far, raw["cog"], raw["cog"] / 10.0)),
         class_b=form == 1,
         digest=digest[rows],
         nav_status=np.where(form == 1, -1, raw["status"]),

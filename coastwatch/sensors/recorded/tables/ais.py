@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -32,6 +32,8 @@ from coastwatch.sensors.recorded.files import Fingerprint, fingerprint
 from coastwatch.sensors.recorded.merging import by_arrival, span_of
 from coastwatch.sensors.recorded.tables.reader import Separator, Table, read_table
 from coastwatch.sensors.recorded.tables.rows import (
+    EMPTY_CELL,
+    POSITION,
     POSITION_ENTRIES,
     content_of,
     find_columns,
@@ -50,7 +52,8 @@ FULL_CIRCLE_DEG = 360.0
 SIGNED_COG = "COG from -180 to 180 degrees: 360 is added to what is negative"
 LEAST_WRAPPED_SHARE = 0.02  # of the courses of a file
 
-REQUIRED = ("time", "mmsi", "latitude", "longitude")
+REQUIRED = ("time", "mmsi", *POSITION)
+MOTION = (*POSITION, "sog", "cog")
 
 UNKNOWN_CLASS = SET_ASIDE + "unknown class, taken as class A"
 UNKNOWN_STATUS = SET_ASIDE + "unknown navigational status, taken as not sent"
@@ -91,6 +94,7 @@ class AisColumns(Settings):
     longitude: str | None = None  # deg, east positive
     sog: str | None = None  # speed over ground, in the unit of `speed_unit`
     cog: str | None = None  # course over ground, deg true; 360 is not available
+    heading: str | None = None  # of the bow, deg true; 511 is not available
     ais_class: str | None = None  # of the transponder: "B" or "Class B" is class B; "Base Station", "AtoN", "SAR Airborne"
     nav_status: str | None = None  # navigational status: 0 to 15, or in words, "At anchor"
     accuracy: str | None = None  # of the position: 1, "true" or "high" is 10 m or better
@@ -101,6 +105,10 @@ class AisColumns(Settings):
     ship_type: str | None = None  # code of ITU-R M.1371, or in words, "Cargo"
     length: str | None = None  # m
     beam: str | None = None  # m
+    to_bow: str | None = None  # m, from the antenna of the ship's GNSS receiver; so are the next three
+    to_stern: str | None = None  # m
+    to_port: str | None = None  # m
+    to_starboard: str | None = None  # m
 
 
 class AisTable(Method):
@@ -156,7 +164,8 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     table = read_table(path, settings.separator, tally)
     column = find_columns(table, "ais", settings.columns)
     need_columns(table, "ais", column, REQUIRED)
-    table, values = good_cells(table, column, REQUIRED, settings.time_format, tally)
+    table, values = good_cells(table, column, REQUIRED, settings.time_format, tally, _all_empty(table, column, MOTION))
+    placed = np.isfinite(values["latitude"])
     received = values["received"]
     stamp, number = stamps_of(values), values["mmsi"]
     is_whole = (number == np.floor(number)) & (np.abs(number) < 1e12)
@@ -181,17 +190,21 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
         accuracy=accuracies(table, column["accuracy"], column["raim"]),
         covariance=covariances(values, table, tally),
         station=station,
-    )
+        heading_deg=values["heading"],
+    ).take(placed)
     if missing and missing != FULL_CIRCLE_DEG:
         tally.add_rows(f"{WRAPPED_COG}{missing:g} is missing", values["cog"] < 0.0, table.location, table.example, used=True)
-    statics, static_rows = static_data(table, column, values, mmsi, stamp, tally)
+    statics, static_rows = static_data(table, column, values, mmsi, stamp, ~placed, tally)
+    alone = np.isin(table.row, static_rows.row) & ~placed
+    empty_at = partial(table.location, column=str(column["latitude"]))
+    tally.add_rows(EMPTY_CELL, ~placed & ~alone, empty_at, table.example)
     intake = of_table(settings.intake, stamp)
     stream = Acceptance(intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row))), feed)
     reports, static = stream.block(rows, statics, static_rows)
     course = np.radians(reports.cog_deg)
     velocity = (reports.sog_kn * KNOT_M_S)[:, None] * np.stack([np.sin(course), np.cos(course)], axis=-1)
     of_speeds = doubts(reports.mmsi, reports.time_s, reports.position_deg, velocity, settings.speed_unit, "SOG")
-    names = len(static_rows), len(static)
+    names = len(static_rows) - int(alone.sum()), len(static)
     notes = order_notes(settings.intake, intake, stream.backwards) + ((SIGNED_COG,) if missing == FULL_CIRCLE_DEG else ())
     if not of_speeds and column["sog"] is not None:
         of_speeds = speed_doubts(rows.sog_kn, HIGHEST_SOG_KN, settings.speed_unit, column["sog"])
@@ -226,6 +239,12 @@ def _digest(values: dict[str, Floats]) -> Ints:
     number = np.empty(len(cells), np.int64)
     number[order] = np.cumsum(new)
     return number
+
+
+def _all_empty(table: Table, column: dict[str, str | None], keys: tuple[str, ...]) -> Bools:
+    """Which rows are empty in all of these columns, as far as the table has them. (M,)"""
+    of_column = [table.empty(name).to_numpy() for key in keys if (name := column[key]) is not None]
+    return np.asarray(np.logical_and.reduce(of_column), np.bool_)
 
 
 def _cells(table: Table, column: str) -> Any:

@@ -28,6 +28,7 @@ from coastwatch.stage import Settings
 EMPTY_CELL, BAD_CELL = "empty cell", "unparsable cell"
 OUTLIERS_PERCENT = 2.0
 SHOWN_NAMES = 5  # of unknown sensors
+HIGHEST_MESSAGE_TYPE = 27  # of AIS
 NAMES = "names and sizes"
 NO_ZONE = "times have no zone: taken as UTC"
 HEMISPHERES = {
@@ -60,8 +61,11 @@ TEXTS = (
     *HEMISPHERES,
 )
 """Keys of columns that hold texts."""
-MAY_BE_UNREADABLE = ("name", "call_sign", "ship_type", "length", "beam")
+ANTENNA = ("to_bow", "to_stern", "to_port", "to_starboard")
+"""Keys of the distances from the antenna of a ship to her ends and sides."""
+MAY_BE_UNREADABLE = ("name", "call_sign", "ship_type", "length", "beam", "heading", *ANTENNA)
 """Keys whose unreadable cells do not make a row unusable."""
+POSITION = ("latitude", "longitude")
 LONGITUDES = ("longitude", "site_longitude")
 LEAST_BEYOND_SHARE = 0.02  # of the longitudes of a column that counts to 360: fewer are wrong cells
 POSITION_ENTRIES = ("covariance_east_east", "covariance_east_north", "covariance_north_north")
@@ -117,6 +121,7 @@ AIS: dict[str, tuple[str, ...]] = HEMISPHERES | {
         "date_time",
         "date_time_utc",
         "msgtime",
+        "tstamp",
         "t",
     ),
     "received": ("received", "received_s", "receivetime", "receive_time", "received_utc"),
@@ -139,11 +144,24 @@ AIS: dict[str, tuple[str, ...]] = HEMISPHERES | {
     "raim": ("raim", "raim_flag"),
     "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
     **{name: (name,) for name in POSITION_ENTRIES},
+    "heading": ("heading", "true_heading", "trueheading", "heading_deg", "hdg"),
     "name": ("name", "shipname", "ship_name", "vesselname", "vessel_name"),
     "call_sign": ("call_sign", "callsign"),
     "ship_type": ("ship_type_code", "shiptype", "vesseltype", "vessel_type", "ship_type"),
     "length": ("length", "length_m"),
     "beam": ("beam", "beam_m", "width"),
+    **{
+        f"to_{end}": (
+            f"to_{end}",
+            f"to_{end}_m",
+            f"dimension_to_{end}",
+            f"dimensionto{end}",
+            f"size_{letter}",
+            f"dim_{letter}",
+            letter,
+        )
+        for letter, end in zip("abcd", ("bow", "stern", "port", "starboard"), strict=True)
+    },
 }
 TRACKS: dict[str, tuple[str, ...]] = HEMISPHERES | {
     "time": ("time", "time_s", "timestamp", "time_utc", "timestamp_utc", "datetime", "t"),
@@ -194,6 +212,8 @@ def find_columns(table: Table, part: str, named: Settings) -> dict[str, str | No
         column |= dict.fromkeys(key for key in keys if key != taken)
     if part == "ais" and getattr(named, "time", None) is None:
         column["time"] = _time_column(table, column["time"], COLUMNS[part])
+    if part == "ais" and column["ship_type"] is None:
+        column["ship_type"] = _type_column(table)
     if not named.model_fields_set - {"time", "received"}:
         parts = _parts(table)
         if parts and part not in parts:
@@ -211,6 +231,12 @@ def _time_column(table: Table, found: str | None, aliases: dict[str, tuple[str, 
         return found
     others = tuple(name for name in (*aliases["time"], *aliases["received"]) if name != plain_name(found))
     return table.find(None, others) or found
+
+
+def _type_column(table: Table) -> str | None:
+    """The column `type`, where its numbers are types of ships: those of AIS messages end at 27."""
+    found = table.find(None, ("type",))
+    return found if (table.numbers(found)[0] > HIGHEST_MESSAGE_TYPE).any() else None
 
 
 def need_columns(table: Table, part: str, column: dict[str, str | None], keys: Sequence[str]) -> None:
@@ -249,11 +275,17 @@ def _parts(table: Table) -> dict[str, tuple[str, ...]]:
 
 
 def good_cells(
-    table: Table, column: dict[str, str | None], required: tuple[str, ...], time_format: str, tally: Tally
+    table: Table,
+    column: dict[str, str | None],
+    required: tuple[str, ...],
+    time_format: str,
+    tally: Tally,
+    without_position: Bools | None = None,
 ) -> tuple[Table, dict[str, Floats]]:
     """The rows whose required cells all have a number and whose other cells are readable, and their numbers by key.
 
     Keys "time" and "received" are times; those of TEXTS are not checked.
+    Args: without_position: (M,) rows that need no latitude and longitude; None: all need them.
     """
     good = np.ones(len(table), np.bool_)
     values: dict[str, Floats] = {}
@@ -270,6 +302,8 @@ def good_cells(
         empty = table.empty(name).to_numpy() if name is not None and key in required else np.zeros(len(table), np.bool_)
         infinite = np.isinf(numbers) | (np.isnan(numbers) & ~empty & ~bad if key in required else False)
         infinite = infinite & (key not in MAY_BE_UNREADABLE)
+        if without_position is not None and key in POSITION:
+            empty = empty & ~without_position
         for kind, mask in ((EMPTY_CELL, empty), (BAD_CELL, bad), (NON_FINITE, infinite)):
             tally.add_rows(kind, good & mask, partial(table.location, column=str(name)), table.example)
             good &= ~mask

@@ -10,6 +10,7 @@ from coastwatch.batches import AisStatics, Array, Bools, Floats, Ints
 from coastwatch.formats.intake.ais_validation import StaticRows
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.tables.reader import NO_VALUE, Table
+from coastwatch.sensors.recorded.tables.rows import ANTENNA
 
 UNKNOWN_TYPE = SET_ASIDE + "unknown ship type, taken as not sent"
 NOT_SENT = -1
@@ -51,28 +52,42 @@ MORE_WORDS = r"(,| - | ?\().*$|[ _](vessel|ship|craft|boat|type)s?$"
 
 
 def static_data(
-    table: Table, column: dict[str, str | None], values: dict[str, Floats], mmsi: Ints, stamp: Floats, tally: Tally
+    table: Table,
+    column: dict[str, str | None],
+    values: dict[str, Floats],
+    mmsi: Ints,
+    stamp: Floats,
+    without_position: Bools,
+    tally: Tally,
 ) -> tuple[AisStatics, StaticRows]:
-    """Static data of the rows that say something new of their vessel. What a row leaves out is as in the row before.
+    """Static data of the rows that say something new of their vessel, and of those that say nothing else.
 
-    Args: values, mmsi, stamp: (M,) of the rows of the table.
+    What a row leaves out is as in the row before.
+    Args: values, mmsi, stamp, without_position: (M,) of the rows of the table.
     """
     code = ship_types(table, column["ship_type"], values["ship_type"], tally)
-    length, beam = (np.where(values[k] > 0.0, values[k], np.nan) for k in ("length", "beam"))
+    of_antenna = np.stack([values[key] for key in ANTENNA])
+    of_antenna[:, ~(of_antenna[0] + of_antenna[1] > 0.0)] = np.nan  # zeros: not sent
+    to_bow, to_stern, to_port, to_starboard = of_antenna
+    length, beam = (
+        np.where(values[k] > 0.0, values[k], np.where(whole > 0.0, whole, np.nan))
+        for k, whole in (("length", to_bow + to_stern), ("beam", to_port + to_starboard))
+    )
     cells: tuple[Array, ...] = (
         _names(table, column["name"], "U20"),
         _names(table, column["call_sign"], "U7"),
         np.where(code > 0, code, NOT_SENT),
         length,
         beam,
+        *of_antenna,
     )
-    stated = [cells[0] != "", cells[1] != "", cells[2] > 0, np.isfinite(length), np.isfinite(beam)]
+    stated = [cells[0] != "", cells[1] != "", cells[2] > 0, *(np.isfinite(size) for size in cells[3:])]
     order = np.argsort(mmsi, kind="stable")
     order = order[np.logical_or.reduce(stated)[order]]
     begins = np.ones(len(order), np.bool_)
     begins[1:] = mmsi[order[1:]] != mmsi[order[:-1]]
     filled = [cell[order[_last_stated(known[order], begins)]] for cell, known in zip(cells, stated, strict=True)]
-    differs = begins.copy()
+    differs = begins | without_position[order]
     for cell in filled:
         comparable = np.nan_to_num(cell) if cell.dtype == np.float64 else cell
         differs[1:] |= comparable[1:] != comparable[:-1]
