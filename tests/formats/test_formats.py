@@ -139,7 +139,7 @@ def test_system_tracks_are_read_back_by_the_decoder_of_the_house() -> None:
     ("sources", "said"),
     [
         (2, "25/1; its address needs ?25/1=NAME with the name of a track source"),
-        (0, "25/1; the scenario has no track source"),
+        (0, """25/1; no track source: --set 'track_sources=[{name="a"}]' makes one"""),
     ],
 )
 def test_system_tracks_of_no_known_source_are_refused_with_what_the_address_needs(sources: int, said: str) -> None:

@@ -297,5 +297,7 @@ def test_a_file_whose_records_are_all_set_aside_says_why(tmp_path: Path) -> None
     file = tmp_path / "base.csv"
     rows = "".join(f"002190001,2024-05-06 12:00:{s:02d},55.1,10.3,Base Station\n" for s in (0, 10))
     file.write_text(f"mmsi,time,lat,lon,class\n{rows}", "utf-8")
-    with pytest.raises(InputError, match=r"needed at least one: 2 set aside: coast station \(first at base\.csv:2\)"):
+    with pytest.raises(
+        InputError, match=r"needed at least one: 2 set aside: coast station \(first at base\.csv:2: MMSI 2190001 "
+    ):
         span_of(Tables(ais=(file,)))

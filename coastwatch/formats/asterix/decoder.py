@@ -218,9 +218,11 @@ class AsterixDecoder:
 
     def _remedy(self, category: int, sac: int, sic: int) -> str:
         """What of the address would say whose these codes are."""
-        kind, named = ("track source", self._sensors.track_sources) if category == 62 else ("radar", self._sensors.radars)
-        if not len(named):
-            return f"{sac}/{sic}; the scenario has no {kind}"
+        if category == 62 and not len(self._sensors.track_sources):
+            return f"{sac}/{sic}; no track source: --set 'track_sources=[{{name=\"a\"}}]' makes one"
+        kind = "track source" if category == 62 else "radar"
+        if category != 62 and not len(self._sensors.radars):
+            return f"{sac}/{sic}; the scenario has no radar"
         return f"{sac}/{sic}; its address needs ?{sac}/{sic}=NAME with the name of a {kind}"
 
     def _origin(self, category: int, sac: int, sic: int) -> Origin | None:

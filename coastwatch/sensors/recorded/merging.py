@@ -52,7 +52,7 @@ def span_of(*received_s: Floats, faults: tuple[Fault, ...] = ()) -> tuple[float,
     got = [r for r in received_s if len(r)]
     if not got:
         refusals = (
-            "; ".join(f"{f.count} {f.kind} (first at {f.where})" for f in refused(faults) or faults) or "nothing was refused"
+            "; ".join(f"{f.count} {f.kind} (first at {f.first})" for f in refused(faults) or faults) or "nothing was refused"
         )
         remedy = f"; if no line has a time, {REMEDY}" if any(f.kind == TIME_MISSING for f in faults) else ""
         remedy += f"; {SWAPPED}" if any(f.kind == LATITUDE for f in faults) else ""
