@@ -149,7 +149,8 @@ def test_a_file_without_a_usable_record_says_what_was_refused(tmp_path: Path) ->
     target = "$RATTM,01,0.25,190.8,T,12.1,109.7,T,0.1,0.5,N,TGT01,T,,100021.00,A"
     lines = [target, target, target[:30], "$RAHDT,12.0,T", sentence()[0].partition("*")[0]]
     with pytest.raises(
-        ValueError, match=r"2 without checksum \(first at feed\.nmea:1: \$RATTM,.*\); 1 half a line \(first at feed\.nmea:3: \$RATTM,"
+        ValueError,
+        match=r"2 without checksum \(first at feed\.nmea:1: \$RATTM,.*\); 1 half a line \(first at feed\.nmea:3: \$RATTM,",
     ):
         span_of(Tables(track_sentences=(write(tmp_path, lines),)))
     with pytest.raises(ValueError, match=r"1 without checksum \(first at feed\.nmea:5: !"):

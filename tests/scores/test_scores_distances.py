@@ -87,6 +87,14 @@ def test_nees_of_normal_errors_is_in_its_band():
     assert not low < nees(error, 0.5 * covariance).mean() < high
 
 
+def test_a_singular_covariance_has_no_nees():
+    """`coastwatch reproduce rangel` ended with a traceback of it."""
+    along = np.array([0.25, 0.5, -1.0, 2.0])  # exact in binary: elimination ends with a zero
+    values = nees(np.ones((3, 4)), np.stack([np.eye(4), np.outer(along, along), 2.0 * np.eye(4)]))
+    assert values[[0, 2]].tolist() == [4.0, 2.0]
+    assert np.isnan(values[1])
+
+
 def test_nees_by_hand_and_missing():
     values = nees(np.array([[3.0, 4.0], [np.nan, 0.0]]), np.array([np.diag([9.0, 4.0]), np.eye(2)]))
     assert values[0] == pytest.approx(1.0 + 4.0)
