@@ -14,9 +14,9 @@ def nees(error: Floats, covariance: Floats) -> Floats:
     covariance is singular: a method of a paper takes it from the scatter of two tracks, which may lie on a line.
     Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, eq. 5.4.2-1.
     """
-    has_covariance = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
-    has_covariance[has_covariance] = np.linalg.det(covariance[has_covariance]) != 0.0
+    usable = np.flatnonzero(np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
+    usable = usable[np.linalg.det(covariance[usable]) != 0.0]
     nees_of_row = np.full(len(error), np.nan)
-    solved = np.linalg.solve(covariance[has_covariance], error[has_covariance][..., None])[..., 0]
-    nees_of_row[has_covariance] = (error[has_covariance] * solved).sum(axis=1)
+    solved = np.linalg.solve(covariance[usable], error[usable][..., None])[..., 0]
+    nees_of_row[usable] = (error[usable] * solved).sum(axis=1)
     return nees_of_row

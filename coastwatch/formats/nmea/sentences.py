@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Iterable, Iterator
@@ -41,6 +42,9 @@ BACKSLASH, BANG = b"\\", b"!"
 BARE = b"!$"  # a line that starts with one of these has no prefix
 TAGGED = re.compile(rb"\\([^\\]+)\\(![^*!$\\]{2}([A-Z]{3}),[^*\\]*\*..)", re.DOTALL)
 """The usual line: one tag block, then one sentence, and nothing after it."""
+
+TIMES_OF_JSON = ("toa", "rxuxtime", "rxtime")
+"""Of a message of AIS-catcher: as its source says, by its own clock as Unix time, and that as 20260714033320."""
 
 
 class ReceivedSentence(NamedTuple):
@@ -98,7 +102,7 @@ def wanted_sentences(
     before = LinesBefore() if before is None else before
     clock, waiting = before.clock_s, before.prefix
     groups: dict[bytes, float] = {}
-    for number, raw in enumerate(lines, 1):
+    for number, raw in _unwrapped(lines):
         line = raw.strip()
         if not line or line[:1] == b"#":
             continue
@@ -141,6 +145,29 @@ def wanted_sentences(
         waiting = NO_PREFIX
         yield ReceivedSentence(number, rest[: star + 3], time_s, clock, ahead.group or ahead.station)
     before.clock_s, before.prefix = clock, waiting
+
+
+def _unwrapped(lines: Iterable[bytes]) -> Iterator[tuple[int, bytes]]:
+    """The lines with their numbers. A line of JSON becomes the sentences in it, each behind its time of reception."""
+    for number, raw in enumerate(lines, 1):
+        if raw[:1] != b"{":
+            yield number, raw
+            continue
+        for sentence in _of_json(raw) or [raw]:
+            yield number, sentence
+
+
+def _of_json(line: bytes) -> list[bytes]:
+    """The sentences of a message as AIS-catcher writes it, each behind its time of reception; none if it is not of that form."""
+    try:
+        message = json.loads(line)
+    except (ValueError, RecursionError):
+        return []
+    sentences = message.get("nmea") if isinstance(message, dict) else None
+    if not isinstance(sentences, list):
+        return []
+    time = next((message[key] for key in TIMES_OF_JSON if message.get(key) is not None), "")
+    return [f"{time} {sentence}".encode() for sentence in sentences if isinstance(sentence, str)]
 
 
 def _prefix(line: bytes, waiting: _Prefix, where: str, tally: Tally) -> tuple[_Prefix, bytes, bool]:
