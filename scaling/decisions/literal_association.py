@@ -35,7 +35,7 @@ FAR = {
 }
 CASES: dict[str, dict[str, str]] = {
     "base": {},
-    "base, restless radar filter": {"tracks.motion.quiet_noise_m2_s3": "0.02"},
+    "base, restless radar filter": {"tracks.motion.kind": "imm", "tracks.motion.quiet_noise_m2_s3": "0.02"},
     "exact AIS": {"input.ais.position_sigma_m": "0", "input.ais.velocity_sigma_kn": "0"},
     "class A": {"input.ais.intervals": "itu"},
     "far": FAR,

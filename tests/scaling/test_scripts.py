@@ -13,6 +13,7 @@ import pytest
 
 from coastwatch.scenario import load_scenario
 from scaling import bench
+from scaling.decisions import literal_association
 from scaling.load import cycle, queries, ramp, soak
 from scaling.load.accuracy import Case, load_cases
 from scaling.peers import environment, ours
@@ -163,3 +164,12 @@ def test_every_requirement_of_a_peer_is_an_exact_pin(tmp_path: Path, monkeypatch
 def test_a_case_of_accuracy_is_a_scenario_that_loads(case: Case) -> None:
     given = dict(setting.split("=", 1) for setting in case.settings)
     assert load_scenario(case.scenario, given).name == case.scenario
+
+
+@pytest.mark.parametrize("case", literal_association.CASES)
+@pytest.mark.parametrize("tracker", [{}, literal_association.DEAD_RECKONING], ids=["default", "of the paper"])
+def test_a_case_of_literal_association_loads_with_the_default_tracks_and_those_of_the_paper(
+    case: str, tracker: dict[str, str]
+) -> None:
+    """With the default tracks the settings of one were unknown."""
+    assert load_scenario("context-driven-1000", literal_association.CASES[case] | tracker).tracks
