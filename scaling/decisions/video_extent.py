@@ -100,7 +100,7 @@ def size(case: Case, seeds: range, turns: int) -> dict[str, float]:
             if cycle < LEARNING:
                 continue
             at = to_plane(recording.truth.at(now_s).position_deg, SITE_DEG)[0]
-            whole = joined(found.plots, hulls, sensors.radars.period_s)
+            whole, _ = joined(found.plots, hulls, sensors.radars.period_s)
             for counts, some in ((pieces, found.plots), (plots, whole)):
                 off = some.position_m - at
                 along, across = np.abs(off @ ahead), np.abs(off @ np.array([ahead[1], -ahead[0]]))
@@ -133,7 +133,9 @@ def hulls_of(memory: RadarMemory, beam_rad: float) -> Hulls:
     if len(rows):
         far_m = np.hypot(*(table.combined_mean[rows, :2] - memory.site_m[0]).T)
         rows = rows[(axes(table.extent[rows])[0] > beam_rad * far_m) & (table.status[rows] == 2)]
-    return Hulls(table.updated_s[rows], table.combined_mean[rows], table.extent[rows], table.radar_s[rows])
+    return Hulls(
+        table.updated_s[rows], table.combined_mean[rows], table.extent[rows], table.radar_s[rows], table.extent_plots[rows]
+    )
 
 
 def harbour(scenario: Scenario, seed: int) -> dict[str, float]:

@@ -48,7 +48,7 @@ def hulls(*ships):
     """Hulls at rest at time 0. Args: ships: east, north, length, width, axis in degrees, time of the newest plot."""
     state = np.array([[e, n, 0.0, 0.0] for e, n, *_ in ships])
     extent = np.array([moments(length, width, axis) for _, _, length, width, axis, _ in ships])
-    return Hulls(np.zeros(len(ships)), state, extent, np.array([[newest] for *_, newest in ships]))
+    return Hulls(np.zeros(len(ships)), state, extent, np.array([[newest] for *_, newest in ships]), np.full(len(ships), 10))
 
 
 @pytest.mark.parametrize("axis", [0.0, 37.0, 90.0, 141.0])
@@ -92,7 +92,7 @@ def test_pieces_of_a_hull_are_one_plot_with_the_moments_of_the_whole():
         [half, half, moments(10.0, 4.0, 0.0), half],
         [10.0, 10.0, 5.0, 10.0],
     )
-    found = joined(given, hulls((0.0, 1000.0, 300.0, 42.0, 90.0, -1.4)), np.array([PERIOD_S]))
+    found, _ = joined(given, hulls((0.0, 1000.0, 300.0, 42.0, 90.0, -1.4)), np.array([PERIOD_S]))
     assert len(found) == 3
     np.testing.assert_allclose(found.position_m, [[0.0, 1000.0], [0.0, 1120.0], [0.0, 1000.0]], atol=1e-9)
     np.testing.assert_allclose(found.extent[0], moments(300.0, 42.0, 90.0), atol=1e-6)
@@ -108,7 +108,7 @@ def test_pieces_of_a_hull_are_one_plot_with_the_moments_of_the_whole():
 def test_a_part_of_a_hull_leaves_it_where_it_was_as_far_as_the_part_is_inside(length, off, moved, hidden):
     """As where a nearer ship hides the other end. What is a fifth of the hull may be a boat and stays."""
     hull = hulls((0.0, 1000.0, 300.0, 42.0, 90.0, -1.4))
-    found = joined(plots([0.0], [[off, 1000.0]], [moments(length, 42.0, 90.0)], [9.0]), hull, np.array([PERIOD_S]))
+    found, _ = joined(plots([0.0], [[off, 1000.0]], [moments(length, 42.0, 90.0)], [9.0]), hull, np.array([PERIOD_S]))
     np.testing.assert_allclose(found.position_m, [[moved, 1000.0]], atol=1e-9)
     at = found.range_m * np.array([np.sin(found.azimuth_rad), np.cos(found.azimuth_rad)])
     np.testing.assert_allclose(at.T, found.position_m, atol=1e-9)
@@ -126,7 +126,7 @@ def test_both_ends_of_a_hull_give_its_middle_whatever_their_strength():
         [moments(100.0, 42.0, 90.0), moments(20.0, 42.0, 90.0)],
         [10.0, 1.0],
     )
-    found = joined(ends, hull, np.array([PERIOD_S]))
+    found, _ = joined(ends, hull, np.array([PERIOD_S]))
     np.testing.assert_allclose(found.position_m, [[0.0, 1000.0]], atol=1e-6)
 
 
@@ -151,20 +151,46 @@ def test_a_ship_hidden_in_part_for_a_minute_keeps_its_track_place_and_length(met
     assert len(ids) == 1
 
 
+@pytest.mark.parametrize("speed_m_s", [0.0, 5.0])
+@pytest.mark.parametrize("method", ["sided_imm", "guided_vimmjipda"])
+def test_a_ship_that_comes_into_sight_end_by_end_has_its_own_speed_and_not_that_of_its_echo(method, speed_m_s):
+    """300 m; of its stern 60 m are seen for 12 turns of 4 s, then 12 m more in each. Their middle goes 3 m/s along the hull."""
+    tracker, sensors = TableTracker(method=method), two_radars()
+    sensors = replace(sensors, radars=replace(sensors.radars, beam_rad=np.full(2, np.radians(1.0))))
+    memory, period_s, rng = tracker.init(), float(sensors.radars.period_s[0]), np.random.default_rng(7)
+    errors_m_s, squares = list[float](), list[float]()
+    for turn in range(40):
+        now_s = 1.7e9 + turn * period_s
+        seen_m = np.clip(60.0 + 24.0 * (turn - 11), 60.0, 300.0)
+        middle = np.array([1500.0 + speed_m_s * turn * period_s, 1500.0])
+        at = middle + np.array([0.5 * (seen_m - 300.0), 0.0]) + rng.normal(0.0, 4.0, 2)
+        given = plots([now_s], [at], [moments(seen_m, 42.0, 90.0)], [20.0])
+        memory, out = tracker.step(memory, RegionInput.of_plots(given, now_s, sensors))
+        if turn >= 12:
+            assert len(out.tracks) == 1
+            error = out.tracks.velocity_m_s[0] - [speed_m_s, 0.0]
+            errors_m_s.append(float(np.hypot(*error)))
+            squares.append(float(error @ np.linalg.solve(out.tracks.covariance[0, 2:, 2:], error)))
+    assert max(errors_m_s) < 1.0, errors_m_s  # half of a knot more than the noise; 3 m/s where the echo is believed
+    assert np.mean(squares) < 4.0  # 2 is right
+    off_m = to_plane(out.tracks.position_deg, ORIGIN_DEG)[0] - middle
+    assert np.abs(off_m).max() < 25.0
+
+
 def test_a_piece_of_a_look_that_gave_a_plot_before_is_left_out():
     given = plots([0.4], [[75.0, 1000.0]], [moments(150.0, 42.0, 90.0)], [10.0])
     ship = 0.0, 1000.0, 300.0, 42.0, 90.0
-    assert len(joined(given, hulls((*ship, 0.0)), np.array([PERIOD_S]))) == 0
-    assert len(joined(given, hulls((*ship, -2.0)), np.array([PERIOD_S]))) == 1
+    assert len(joined(given, hulls((*ship, 0.0)), np.array([PERIOD_S]))[0]) == 0
+    assert len(joined(given, hulls((*ship, -2.0)), np.array([PERIOD_S]))[0]) == 1
 
 
 def test_of_several_hulls_around_it_the_longest_has_a_piece_and_nothing_is_joined_without_extents():
     one, other = (0.0, 1000.0, 300.0, 42.0, 90.0, -9.0), (100.0, 1000.0, 100.0, 42.0, 90.0, -9.0)
     given = plots([1.0, 1.1], [[-80.0, 1000.0], [100.0, 1000.0]], [moments(135.0, 30.0, 90.0)] * 2, [1.0, 3.0])
-    found = joined(given, hulls(other, one), np.array([PERIOD_S]))
+    found, _ = joined(given, hulls(other, one), np.array([PERIOD_S]))
     np.testing.assert_allclose(found.position_m, [[10.0, 1000.0]])
     unknown = plots([1.0, 1.1], [[-80.0, 1000.0], [100.0, 1000.0]], np.full((2, 3), np.nan), [1.0, 3.0])
-    assert len(joined(unknown, hulls(other, one), np.array([PERIOD_S]))) == 2
+    assert len(joined(unknown, hulls(other, one), np.array([PERIOD_S]))[0]) == 2
 
 
 @pytest.mark.parametrize("method", ["sided_imm", "vimmjipda", "guided_vimmjipda", "multi_hypothesis"])
@@ -250,7 +276,7 @@ def test_pieces_longer_together_than_the_longest_ship_stay_apart_and_no_size_is_
     """A hull of 400 m has boats at both ends: as one they would be 690 m long, and the mean of the track would take in still more."""
     boat = moments(20.0, 6.0, 90.0)
     given = plots([1.0, 1.1], [[-200.0, 1000.0], [200.0, 1000.0]], [boat, boat], [10.0, 10.0])
-    found = joined(given, hulls((0.0, 1000.0, 400.0, 42.0, 90.0, -1.4)), np.array([PERIOD_S]))
+    found, _ = joined(given, hulls((0.0, 1000.0, 400.0, 42.0, 90.0, -1.4)), np.array([PERIOD_S]))
     np.testing.assert_array_equal(found.position_m, given.position_m)
     extent = np.array([moments(450.0, 42.0, 90.0), moments(500.0, 42.0, 90.0)])
     size = echoes_of(extent, np.full(2, 50.0), np.full((2, 2), 3.0))

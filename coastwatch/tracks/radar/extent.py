@@ -45,6 +45,7 @@ class Hulls(NamedTuple):
     state: Floats  # (N, 4) east, north, east rate, north rate in the plane
     extent: Floats  # (N, 3) m2
     radar_s: Floats  # (N, R) newest plot of each radar
+    plots: Ints  # (N,) in the extent, as of `averaged`
 
 
 def averaged(extent: Floats, count: Ints, slots: Ints, new: Floats) -> None:
@@ -89,26 +90,28 @@ def echoes_of(extent: Floats, beam_m: Floats, velocity_m_s: Floats) -> Echoes:
     )
 
 
-def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> Plots:
-    """The plots, with the pieces that one radar saw of one hull in one look as one plot. (M'), M' <= M
+def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> tuple[Plots, Floats]:
+    """The plots, with the pieces that one radar saw of one hull in one look as one plot, and how far each hull moves by growing.
 
+    (M'), M' <= M; (N, 2) m. The middle of a hull moves as its other end comes into sight. That is no velocity of the ship.
     A piece in several hulls is of the longest. Weights, moments and positions add up. Pieces that together are longer than the longest
     ship stay apart. A piece is left out where the track took a plot of this look before: the end of a cycle cut the hull. What is shorter
     than its hull is a part of it, e.g. because a nearer ship hides the rest: the hull is where it was, if the part is inside.
     Args: plots: (M); hulls: (N); period_s: (R,) seconds of one turn of each radar.
     """
+    growth_m = np.zeros((len(hulls.time_s), 2))
     measured = np.flatnonzero(np.isfinite(plots.extent[:, 0]) & (plots.weight > 0.0))
     if not len(measured) or not len(hulls.time_s):
-        return plots
+        return plots, growth_m
     row, hull = _inside(plots, measured, hulls)
     if not len(row):
-        return plots
+        return plots, growth_m
     late = plots.time_s[row] - hulls.radar_s[hull, plots.sensor[row]] < 0.5 * period_s[plots.sensor[row]]
     keep = np.ones(len(plots), np.bool_)
     keep[row[late]] = False
     row, hull = row[~late], hull[~late]
     if not len(row):
-        return plots.take(keep)
+        return plots.take(keep), growth_m
     order = np.lexsort((plots.time_s[row], plots.sensor[row], hull))
     row, hull = row[order], hull[order]
     radar, time_s = plots.sensor[row], plots.time_s[row]
@@ -119,10 +122,11 @@ def joined(plots: Plots, hulls: Hulls, period_s: Floats) -> Plots:
     fits = axes(together.extent)[0] <= LONGEST_M
     keep[row[~first & fits[group]]] = False
     whole = replace(plots, **{name: getattr(plots, name).copy() for name in SUMMED})
-    together = _parts_of_hulls(together, _ends(plots.take(row), hulls, hull, first), hulls, hull[first])
+    together, grown_m = _parts_of_hulls(together, _ends(plots.take(row), hulls, hull, first), hulls, hull[first])
     for name in SUMMED:
         getattr(whole, name)[row[first][fits]] = getattr(together, name)[fits]
-    return whole.take(keep)
+    np.add.at(growth_m, hull[first][fits], grown_m[fits])
+    return whole.take(keep), growth_m
 
 
 def ends_of_one(hulls: Hulls, time_s: float) -> tuple[Ints, Ints]:
@@ -209,8 +213,11 @@ def _ends(pieces: Plots, hulls: Hulls, hull: Ints, first: Bools) -> tuple[Floats
     return np.minimum.reduceat(off_m - half_m, start), np.maximum.reduceat(off_m + half_m, start)
 
 
-def _parts_of_hulls(plots: Plots, ends: tuple[Floats, Floats], hulls: Hulls, hull: Ints) -> Plots:
+def _parts_of_hulls(plots: Plots, ends: tuple[Floats, Floats], hulls: Hulls, hull: Ints) -> tuple[Plots, Floats]:
     """Plots of which each is all that was seen of its hull, moved along it to where its middle may be, nearest to the prediction. (G)
+
+    Also how far each hull moves by growing, (G, 2) m. What is longer than its hull is one that was seen in part before: the hull was
+    anywhere inside it. By as much as its length grows with this plot its middle comes nearer to that of the plot.
 
     The middle is between the ends of what is seen, but for half of the hidden length to each side, and as uncertain along the hull.
     So a ship that brakes while it is hidden in part goes on until the part leaves the hull. A part says little of the size. What is
@@ -219,16 +226,20 @@ def _parts_of_hulls(plots: Plots, ends: tuple[Floats, Floats], hulls: Hulls, hul
     """
     length, ahead = axes(hulls.extent[hull])[0], _ahead(hulls, hull)
     seen = ends[1] - ends[0]
-    is_part = (seen < WIDER * length) & (seen > LEAST_PART * length)
-    slack = np.where(is_part, 0.5 * np.maximum(length - seen, 0.0), 0.0)
+    is_longer = seen >= WIDER * length
+    is_part = seen > LEAST_PART * length
     at_m = ((plots.position_m - _middle(plots, hulls, hull)) * ahead).sum(axis=1)
     middle_m = 0.5 * (ends[0] + ends[1])
-    to_m = middle_m - np.clip(middle_m, -slack, slack)
+    share = 1.0 / np.minimum(hulls.plots[hull] + 1, MOST_WEIGHT)
+    grows = np.where(is_longer, 0.5 * (np.sqrt(length**2 + share * (seen**2 - length**2)) - length), 0.0)
+    grown_m = np.clip(middle_m, -grows, grows)
+    slack = np.where(is_part, np.maximum(0.5 * np.where(is_longer, seen - length, length - seen) - grows, 0.0), 0.0)
+    to_m = middle_m - np.clip(middle_m - grown_m, -slack, slack)
     before = plots.position_m - plots.site_m
     after = before + np.where(is_part, to_m - at_m, 0.0)[:, None] * ahead
     turned = np.arctan2(after[:, 0], after[:, 1]) - np.arctan2(before[:, 0], before[:, 1])
     little = (is_part & (seen < MOST_PART * length))[:, None]
-    return replace(
+    moved = replace(
         plots,
         position_m=plots.site_m + after,
         covariance=plots.covariance + (slack**2 / 3.0)[:, None, None] * (ahead[:, :, None] * ahead[:, None, :]),
@@ -236,6 +247,7 @@ def _parts_of_hulls(plots: Plots, ends: tuple[Floats, Floats], hulls: Hulls, hul
         azimuth_rad=plots.azimuth_rad + wrap_rad(turned),
         extent=np.where(little, hulls.extent[hull] + OF_PART * (plots.extent - hulls.extent[hull]), plots.extent),
     )
+    return moved, grown_m[:, None] * ahead
 
 
 def _ahead(hulls: Hulls, hull: Ints) -> Floats:

@@ -226,7 +226,10 @@ def _as_measured(parts: Parts, memory: RadarMemory, plots: Plots, time_s: float)
     A hull is that of a confirmed track of known length.
     """
     if not np.isnan(plots.extent[:, 0]).all():
-        plots = joined(plots, _hulls(parts, memory, time_s, LEAST_PLOTS)[1], parts.sensors.radars.period_s)
+        rows, hulls = _hulls(parts, memory, time_s, LEAST_PLOTS)
+        plots, growth_m = joined(plots, hulls, parts.sensors.radars.period_s)
+        if not len(memory.forest.leaves.slot):
+            _move(memory, rows, growth_m, 2.0 * growth_m)  # it is as uncertain as the end that came into sight
     if parts.upkeep.echo_sigma_m > 0.0:
         plots = replace(plots, covariance=plots.covariance + parts.upkeep.echo_sigma_m**2 * np.eye(2))
     return plots
@@ -311,15 +314,22 @@ def _with_whole_ships(parts: Parts, memory: RadarMemory, time_s: float) -> Radar
     table.ids[to], table.id_probability[to] = table.ids[of], table.id_probability[of]
     table.message_s[to] = np.maximum(table.message_s[to], table.message_s[of])
     shift_m, extent = as_one_ship(hulls, one, other, time_s)
-    table.combined_mean[rows[one], :2] += shift_m
-    table.state[rows[one], :, :2] += shift_m[:, None, :]
+    _move(memory, rows[one], shift_m, np.zeros_like(shift_m))
     table.extent[rows[one]] = extent
-    if (alone := memory.plots_alone).models:
-        has_filter = alone.has_filter(rows[one])
-        slots, shift_m = rows[one][has_filter], shift_m[has_filter]
-        alone.combined_mean[slots, :2] += shift_m
-        alone.state[slots, :, :2] += shift_m[:, None, :]
     return replace(memory, table=table.without(np.isin(table.live, rows[other])))
+
+
+def _move(memory: RadarMemory, rows: Ints, shift_m: Floats, error_m: Floats) -> None:
+    """Move the tracks in these slots to other places of their ships, in place. The velocity stays. Args: shift_m, error_m: (N, 2)."""
+    added = error_m[:, :, None] * error_m[:, None, :]
+    alone = memory.plots_alone
+    has_filter = alone.has_filter(rows) if alone.models else np.zeros(len(rows), np.bool_)
+    for of, at in ((memory.table, np.arange(len(rows))), (alone, np.flatnonzero(has_filter))):
+        slots = rows[at]
+        of.combined_mean[slots, :2] += shift_m[at]
+        of.state[slots, :, :2] += shift_m[at, None, :]
+        of.combined_covariance[slots, :2, :2] += added[at]
+        of.covariance[slots, :, :2, :2] += added[at, None]
 
 
 def _hulls(parts: Parts, memory: RadarMemory, time_s: float, least: int) -> tuple[Ints, Hulls]:
@@ -330,4 +340,5 @@ def _hulls(parts: Parts, memory: RadarMemory, time_s: float, least: int) -> tupl
     length = axes(table.extent[rows])[0]
     beam_m = _beam_m(memory, rows, table.combined_mean[rows, :2], parts.sensors)
     rows = rows[(length > beam_m) & (length <= LONGEST_M)]
-    return rows, Hulls(table.updated_s[rows], table.combined_mean[rows], table.extent[rows], table.radar_s[rows])
+    count, extent = table.extent_plots[rows], table.extent[rows]
+    return rows, Hulls(table.updated_s[rows], table.combined_mean[rows], extent, table.radar_s[rows], count)
