@@ -28,6 +28,7 @@ from coastwatch.associations import (
     BearingAssociationMemory,
     merged_ais,
 )
+from coastwatch.associations.antennas_beside_echoes import BesideEchoes, join_beside
 from coastwatch.associations.antennas_on_echoes import antennas_on_echoes
 from coastwatch.associations.bearing_members import bearing_members, bearing_only_vessels, vessel_bearings
 from coastwatch.batches import (
@@ -45,6 +46,7 @@ from coastwatch.batches import (
     Extractions,
     Floats,
     FusedTracks,
+    HullOffsets,
     Measurements,
     Members,
     Octants,
@@ -84,6 +86,7 @@ class CentreMemory:
     alarms: AlarmMemory
     events: EventMemory
     bearing_bias_rad: Floats  # (K,) of each bearing sensor, as known before this cycle; of none before the first
+    beside: BesideEchoes = field(default_factory=BesideEchoes.empty)
 
 
 @dataclass(frozen=True)
@@ -99,6 +102,7 @@ class Received:
     radar_cover: RadarCover | None = None  # the same
     hearing: SensorHearing | None = None  # which sensors are heard; none: all
     jumped: Bools | None = None  # (R,) radars whose corrections jumped before this cycle; none: no one
+    hulls: HullOffsets = field(default_factory=HullOffsets.empty)  # of ships whose size is known
 
 
 @dataclass(frozen=True)
@@ -164,7 +168,7 @@ def run_centre(
     s, m = scenario, memory
     measurements, alarms = received.measurements, received.alarms
     bearing_tracks, statics, detection = received.bearing_tracks, received.statics, received.ais_detection
-    cover, hearing, jumped = received.radar_cover, received.hearing, received.jumped
+    cover, hearing, jumped, hulls = received.radar_cover, received.hearing, received.jumped, received.hulls
     with timer("alignment"):
         tracks = s.alignment.step(received.tracks, time_s)
     del received  # frees the tracks at their own times, if the caller has dropped them too
@@ -172,13 +176,13 @@ def run_centre(
         spots_memory, spots = s.spots.step(m.spots, tracks)
     with timer("associations"):
         on_echoes = antennas_on_echoes(tracks, sensors.source_kinds)
-        of_middles = on_echoes.at_middles(tracks) if len(on_echoes.ais) else tracks
-        comparing, every = Running(s.associations, m.associations), AssociationInput(of_middles, spots, map_)
+        every = AssociationInput(on_echoes.at_middles(tracks) if len(on_echoes.ais) else tracks, spots, map_)
+        comparing = Running(s.associations, m.associations)
         associations_memory, associations = merged_ais.associate(comparing, s.associations.gate_m, every, sensors.source_kinds)
+        beside, associations, on_hulls = join_beside(m.beside, tracks, associations, sensors.source_kinds, hulls, time_s)
     with timer("fused_tracks"):
         bearings = vessel_bearings(m.bearing_members, bearing_tracks, tracks, associations)
-        if len(on_echoes.ais):
-            tracks, measurements = on_echoes.inflated(tracks, measurements)
+        tracks, measurements = on_hulls.inflated(*on_echoes.inflated(tracks, measurements))
         counted, of_counted = tracks, associations
         if s.tracks.holds_messages and not s.fused_tracks.of_measurements:
             counted, of_counted, bearings = merged_ais.counted_once(tracks, associations, bearings, sensors.source_kinds)
@@ -229,6 +233,7 @@ def run_centre(
         alarms=alarms_memory,
         events=events_memory,
         bearing_bias_rad=bearing_associations.sensor_bias_rad,
+        beside=beside,
     )
     left_out = {
         "associations": associations.left_out,

@@ -172,6 +172,7 @@ def run_cycle(
         ais_tracks = ais_tracks.take(limits.are_sound(ais_tracks.position_deg, ais_tracks.covariance))
     with timer("silence"):
         silence_memory, hearing = s.silence.step(m.silence, SilenceInput(reports, ais_tracks, time_s, sensors))
+    hulls = s.ais_positions.hull_offsets(antennas, time_s)
     received = Received(
         tracks,
         measurements,
@@ -182,6 +183,7 @@ def run_cycle(
         m.radar_cover,
         hearing,
         m.corrections.jumped,
+        hulls,
     )
     centre_memory, cycle = run_centre(s, sensors, m.centre, received, time_s, map_, timer, zones)
     with timer("bearing_tracks"):
@@ -204,7 +206,7 @@ def run_cycle(
             time_s,
             sensors,
             m.corrections,
-            s.ais_positions.hull_offsets(antennas, time_s),
+            hulls,
         )
         registration_memory, corrections = Running(s.registration, m.registration).next(seen)
     with timer("cover"):

@@ -37,6 +37,8 @@ class OnEchoes:
     def inflated(self, tracks: Tracks, measurements: Measurements) -> tuple[Tracks, Measurements]:
         """Tracks and measurements for fusion: an AIS track errs by its distance from the middle, where that is `FAR_M` or more."""
         far = np.hypot(*self.off_m.T) >= FAR_M
+        if not far.any():
+            return tracks, measurements
         rows, added = self.ais[far], self.off_m[far, :, None] * self.off_m[far, None, :]
         covariance = tracks.covariance.copy()
         covariance[rows, :2, :2] += added
