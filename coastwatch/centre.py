@@ -179,7 +179,9 @@ def run_centre(
         every = AssociationInput(on_echoes.at_middles(tracks) if len(on_echoes.ais) else tracks, spots, map_)
         comparing = Running(s.associations, m.associations)
         associations_memory, associations = merged_ais.associate(comparing, s.associations.gate_m, every, sensors.source_kinds)
-        beside, associations, on_hulls = join_beside(m.beside, tracks, associations, sensors.source_kinds, hulls, time_s)
+        beside, associations, on_hulls = join_beside(
+            m.beside, tracks, associations, sensors.source_kinds, hulls, time_s, s.period_s
+        )
     with timer("fused_tracks"):
         bearings = vessel_bearings(m.bearing_members, bearing_tracks, tracks, associations)
         tracks, measurements = on_hulls.inflated(*on_echoes.inflated(tracks, measurements))

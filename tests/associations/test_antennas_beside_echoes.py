@@ -54,7 +54,7 @@ def vessels_after(
         moved = [(ships[0][0], ships[0][1] + drift_m_s * time_s * COURSE), *ships[1:]]
         given = Associations(first, second, np.ones(len(first)), vessel)
         now = tracks(moved, speed_m_s, time_s)
-        memory, found, on = join_beside(memory, now, given, KINDS, hulls or HullOffsets.empty(), time_s)
+        memory, found, on = join_beside(memory, now, given, KINDS, hulls or HullOffsets.empty(), time_s, CYCLE_S)
     assert len(on.ais) == int(vessel.max()) - int(found.vessel.max())
     return int(found.vessel.max()) + 1
 
@@ -100,7 +100,7 @@ def test_a_tug_that_passes_parts_them_for_no_longer_than_it_is_near() -> None:
         tug = [(RADAR, 100.0 * ABEAM)] if 40 <= cycle < 45 else []
         now = tracks([(AIS, np.zeros(2)), (RADAR, 130.0 * COURSE), *tug], 6.0, time_s)
         alone = Associations(*np.zeros((2, 0), np.int64), np.zeros(0), np.arange(len(now)))
-        memory, found, _ = join_beside(memory, now, alone, KINDS, HullOffsets.empty(), time_s)
+        memory, found, _ = join_beside(memory, now, alone, KINDS, HullOffsets.empty(), time_s, CYCLE_S)
         counts.append(int(found.vessel.max()) + 1 - len(tug))
     assert counts[:30] == [2] * 30
     assert counts[30:] == [1] * 30
