@@ -78,6 +78,11 @@ class Seen:
     lain_s: Floats  # (R,) at rest at the anchorage
     away_m: Floats  # (R,) from the anchorage
 
+    @property
+    def sigma_m_s(self) -> Floats:
+        """(R,) standard deviation of each speed; 0 where it is not known."""
+        return np.asarray(_sigma_m_s(self.picture) / np.sqrt(2.0))
+
 
 def watch_vessels(
     settings: AlarmSettings,

@@ -42,6 +42,9 @@ LINE_REACH_M = 5000.0
 EDGE_M = 1.0
 """A way that touches an edge of a line is found in spite of rounding."""
 
+SPEED_SIGMAS = 1.0
+"""Standard deviations by which a speed must be beyond a limit to be wrong: that of a track that has just begun may be off by knots."""
+
 SIDES = {"both": (-1, 1), "to_left": (-1,), "to_right": (1,)}
 """To which sides a vessel crosses, -1: to the left, by the rule of a line."""
 
@@ -225,11 +228,11 @@ class Shape:
         np.add.at(count, way[between], left_before[between].astype(np.int64) - left_after[between])
         return count
 
-    def breaks_speed(self, speed_m_s: Floats, margin_kn: float) -> Bools:
-        """Which speeds are outside the limits of the zone, each widened by the margin. (K,)"""
+    def breaks_speed(self, speed_m_s: Floats, margin_m_s: Floats | float) -> Bools:
+        """Which speeds are outside the limits of the zone, each widened by the margin. (K,) Args: margin_m_s: (K,), or of all."""
         low, high = self.zone.min_speed_kn, self.zone.max_speed_kn
-        slow = -np.inf if low is None else (low - margin_kn) * KNOT_M_S
-        fast = np.inf if high is None else (high + margin_kn) * KNOT_M_S
+        slow = -np.inf if low is None else low * KNOT_M_S - margin_m_s
+        fast = np.inf if high is None else high * KNOT_M_S + margin_m_s
         return np.asarray((speed_m_s < slow) | (speed_m_s > fast))
 
     @cached_property
@@ -394,7 +397,7 @@ def _inside(
     for the start of the run, and but for one that was seen last in the zone. Args: known: numbers of zones with the outline of before.
     """
     vessel_id, came_s = seen.picture.vessel_id, seen.watched.came_s[seen.rows]
-    speed_m_s = seen.watched.speed_m_s[seen.rows]
+    speed_m_s, sigma_m_s = seen.watched.speed_m_s[seen.rows], seen.sigma_m_s
     inside, speeds = [], []
     for shape in areas:
         rows = positions.near(shape)
@@ -406,8 +409,8 @@ def _inside(
         mark[first] &= ~was_inside & (time_s - memory.began_s >= settings.start_up_s)
         number = np.full(len(rows), shape.number)
         inside.append(Holding(vessel_id[rows] * KEYS + INSIDE, number, within, mark))
-        lasts = shape.breaks_speed(speed_m_s[rows], -settings.zone_speed_margin_kn)
-        wrong = within & shape.breaks_speed(speed_m_s[rows], 0.0)
+        lasts = shape.breaks_speed(speed_m_s[rows], -settings.zone_speed_margin_kn * KNOT_M_S)
+        wrong = within & shape.breaks_speed(speed_m_s[rows], SPEED_SIGMAS * sigma_m_s[rows])
         key = vessel_id[rows] * KEYS + AlarmKind.ZONE_SPEED
         speeds.append(Holding(key[lasts], number[lasts], wrong[lasts], mark[lasts]))
     all_inside, all_speeds = Holding.join(inside), Holding.join(speeds)

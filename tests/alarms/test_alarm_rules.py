@@ -135,6 +135,18 @@ def test_a_vessel_enters_speeds_in_and_leaves_a_zone_across_the_antimeridian() -
     assert found[stay[0][0]].name.tolist() == ["port", "port"]
 
 
+def test_a_speed_within_its_own_noise_of_the_limit_raises_no_alarm_and_ends_none() -> None:
+    """The noise is 0.6 kn here, as of each track of `picture_of`. The last vessel was faster for the first minute."""
+    zone = Zone(name="slow", kind="polygon", points_deg=square(5000.0), min_speed_kn=5.0, max_speed_kn=10.0)
+    at_kn = {1: 10.4, 2: 11.0, 3: 4.6, 4: 4.0}
+
+    def scene(time_s: float) -> list[dict[str, Any]]:
+        speeds = {**at_kn, 5: 11.0 if time_s < 60.0 else 10.4}
+        return [{"id": k, "at": (0.5 * kn * time_s, 900.0 * k - 2700.0), "kn": (kn, 0.0)} for k, kn in speeds.items()]
+
+    assert spans(play(RULES, scene, 60, (zone,)), AlarmKind.ZONE_SPEED) == {(k, 1): [(1, 59)] for k in (2, 4, 5)}
+
+
 def found_at(dwell_s: float, since: int) -> int:
     return since + int(dwell_s / PERIOD_S) + 1
 
