@@ -13,8 +13,8 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches.sensors import Radars, Sensors, Stations
-from coastwatch.batches.struct import Batch, column
-from coastwatch.kernels.arrays import Bools, Floats
+from coastwatch.batches.struct import Batch, column, optional_column
+from coastwatch.kernels.arrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from coastwatch.kernels.geometry.sensor_coverage import Coverage  # numba takes half a second to load
@@ -34,6 +34,8 @@ class Hearing(Batch):
     silent: Bools = column(np.bool_, "R")  # no report for much longer than usual
     stands_from_s: Floats = column(np.float64, "R", new=np.inf)  # from when clocks stand in this cycle; inf: they run
     returned_s: Floats = column(np.float64, "R", new=-np.inf)  # cycle in which it was heard again after a silence; -inf: never
+    # Until when it would have heard a vessel that sends: its newest report; inf where too few vessels are heard to tell
+    known_until_s: Floats = optional_column("R", new=np.inf)
 
     @property
     def heard(self) -> Bools:
@@ -63,6 +65,7 @@ class SensorCover:
     heard: Coverage  # of those that are heard
     silent: tuple[tuple[float, Coverage], ...]  # of those whose clocks stand, by the time from which they do, ascending
     returned_s: Floats  # (H,) of `heard.site`: when each was heard again after it was silent; -inf: it never was
+    known_until_s: Floats  # (H,) of `heard.site`: as of `Hearing`
 
     def within(self, position_deg: Floats, candidates: Bools) -> Bools:
         """Which of the candidates a sensor covers that is heard. Args: position_deg: (V, 2); candidates: (V,). Returns: (V,)."""
@@ -75,24 +78,37 @@ class SensorCover:
             out[_within(coverage, position_deg, candidates)] = from_s
         return out
 
-    def begins_s(self, position_deg: Floats, candidates: Bools, time_s: float, returns_s: float) -> Floats:
+    def begins_s(self, position_deg: Floats, candidates: Bools, time_s: float, returns_s: Floats) -> Floats:
         """From when something may begin to hold at candidates that a sensor covers: this cycle, or later. (V,)
 
-        It is `returns_s` after the first one of the sensors there was heard again: what the others miss it would have heard.
+        It is `returns_s`, (V,), after the first one of the sensors there was heard again: what the others miss it would have heard.
         """
         out = np.full(len(candidates), float(time_s))
-        if returns_s <= 0.0 or not (self.returned_s + returns_s > time_s).any():
+        if not (self.returned_s + returns_s.max(initial=0.0) > time_s).any():
             return out
-        rows, site = np.flatnonzero(candidates), self.heard.site
-        site_deg = np.stack([site["latitude"], site["longitude"]], axis=1)
-        row, sensor, _ = kernels.geometry.sensor_coverage.pairs_in_range(
-            site_deg, site["range"].copy(), position_deg[rows], np.zeros(len(rows))
-        )
+        rows = np.flatnonzero(candidates)
+        row, sensor = self._reached(position_deg[rows])
         first_s = np.full(len(rows), np.inf)
         np.minimum.at(first_s, row, self.returned_s[sensor])
         reached = np.isfinite(first_s)
-        out[rows[reached]] = np.maximum(time_s, first_s[reached] + returns_s)
+        out[rows[reached]] = np.maximum(time_s, first_s[reached] + returns_s[rows[reached]])
         return out
+
+    def until_s(self, position_deg: Floats, time_s: float) -> Floats:
+        """Until when the sensors there would have heard a vessel that sends, this cycle at most. (V,) Args: position_deg: (V, 2)."""
+        out = np.full(len(position_deg), -np.inf)
+        row, sensor = self._reached(position_deg)
+        np.maximum.at(out, row, self.known_until_s[sensor])
+        return np.where(np.isneginf(out), time_s, np.minimum(out, time_s))
+
+    def _reached(self, position_deg: Floats) -> tuple[Ints, Ints]:
+        """Pairs of a position and a sensor that is heard and reaches it. (P,), (P,)"""
+        site = self.heard.site
+        site_deg = np.stack([site["latitude"], site["longitude"]], axis=1)
+        row, sensor, _ = kernels.geometry.sensor_coverage.pairs_in_range(
+            site_deg, site["range"].copy(), position_deg, np.zeros(len(position_deg))
+        )
+        return row, sensor
 
 
 def sensor_covers(sensors: Sensors, margin: float, hearing: SensorHearing | None = None) -> tuple[SensorCover, SensorCover]:
@@ -106,15 +122,15 @@ def sensor_covers(sensors: Sensors, margin: float, hearing: SensorHearing | None
 
 def _cover(sensors: Sensors, margin: float, kind: str, hearing: Hearing) -> SensorCover:
     heard = hearing.heard & ~hearing.stands
-    returned_s = hearing.returned_s[heard]
+    since = hearing.returned_s[heard], hearing.known_until_s[heard]
     if heard.all():
-        return SensorCover(_some(sensors, margin, kind, heard.tobytes()), (), returned_s)
+        return SensorCover(_some(sensors, margin, kind, heard.tobytes()), (), *since)
     times = np.unique(hearing.stands_from_s[hearing.stands]).tolist()
     silent = ((from_s, hearing.stands_from_s == from_s) for from_s in times)
     return SensorCover(
         _some(sensors, margin, kind, heard.tobytes()),
         tuple((from_s, _some(sensors, margin, kind, rows.tobytes())) for from_s, rows in silent),
-        returned_s,
+        *since,
     )
 
 

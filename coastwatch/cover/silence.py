@@ -107,9 +107,8 @@ class UsualPauses(Method):
             shown[whole], shown_from_s[whole] = time_s - began_s > max(self.ais_least_s, NEVER_HEARD_S), began_s
         row, ends = np.arange(sum(kinds)), (kinds[0], whole, whole + 1)
         stands = shown | (before.silent & (row < kinds[0]))  # of a radar that returns too: see `Hearing`
-        hearing = Hearing(
-            after.heard_s, after.usual_s, after.amount, shown, np.where(stands, shown_from_s, np.inf), shown_back_s
-        )
+        stands_s, known_until_s = np.where(stands, shown_from_s, np.inf), np.where(may_be, after.heard_s, np.inf)
+        hearing = Hearing(after.heard_s, after.usual_s, after.amount, shown, stands_s, shown_back_s, known_until_s)
         of_radars, of_sources, of_ais, of_stations = (hearing.take(rows) for rows in np.split(row, ends))
         return SilenceMemory(after, float(time_s), began_s), SensorHearing(of_radars, of_stations, of_sources, of_ais)
 

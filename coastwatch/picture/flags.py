@@ -2,8 +2,9 @@
 
 - DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS, or
   lies among ships at anchor: near `anchorage_ships` or more that send AIS. A slow radar shows vessels late: what is beyond
-  `dark_unshown_s` from the first plot until it is shown counts too, at most as much. What is stationary or slow has more time: the
-  longest pause of any ship at anchor. The time goes on, and the flag stays, while radar loses it.
+  `dark_unshown_s` from the first plot until it is shown counts too, at most as much. What is stationary, or slow within the noise of
+  its speed, has more time: the longest pause of any ship at anchor, and the interval of slow vessels since its last report, the start
+  of the run and the return of AIS. The time goes on, and the flag stays, while radar loses it.
 - AIS_WITHOUT_RADAR: no radar, and AIS reports still `unseen_after_s` later, where a radar detects most vessels (`AisDetection`).
   A vessel that no report has placed there since may have left: a report of minutes ago does not contradict the radar.
 - AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart, where a radar
@@ -12,7 +13,7 @@
 - MMSI_TWICE, IMPOSSIBLE_SPEED: alarms of the AIS tracks.
 
 The first three count time with sensors that are heard. Where only silent ones reach, their clocks stand at the last report, and go on
-when a sensor is heard again.
+when a sensor is heard again. Nobody begins to be dark in the seconds in which AIS is not yet known to be silent.
 
 `ais_flags` has those that follow from an MMSI and a navigational status alone.
 """
@@ -39,8 +40,9 @@ STATIONARY_SIGMAS = 3.0  # of the position that a displacement must exceed
 
 SLOW_M_S = 2.0 * KNOT_M_S  # slower vessels may send each 180 s (ITU-R M.1371)
 LONGEST_PAUSE_S = 180.0  # of these: a ship that is silent for longer has perhaps left, and may be far away
-AIS_RETURNS_S = 180.0
-"""The longest interval of AIS reports, of a vessel at anchor (ITU-R M.1371): when AIS is heard again, nobody is dark before."""
+AIS_RETURNS_S, UNDER_WAY_S = 180.0, 30.0
+"""The longest intervals of AIS reports, of slow vessels and under way (ITU-R M.1371): after AIS is heard again, time begins with them."""
+DUE_AGAIN = 1.1  # of that interval since the last report of a slow vessel: senders vary it, and a report waits for its cycle
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +97,11 @@ def flag(
         should_see = _should_be_seen(settings, given.detection, tracks.track_id[ais], row_of_track[ais], len(picture))
     no_ais, no_radar = now.has_radar & ~now.has_ais, now.has_ais & ~now.has_radar
     goes_on = ~now.has_ais & (no_ais | np.isfinite(_held_s(memory.no_ais_since_s, before)))
-    no_ais_since_s = _since(ais_cover, picture, goes_on, goes_on, memory.no_ais_since_s, before, time_s, AIS_RETURNS_S)
+    anchor_deg, anchor_since_s, stationary = _stationary(settings, memory, order.vessel_of_row, picture, time_s)
+    sigma_m_s = np.sqrt(np.nan_to_num(picture.covariance[:, 2, 2] + picture.covariance[:, 3, 3]) / 2.0)
+    slow = stationary | (np.hypot(*picture.velocity_m_s.T) < SLOW_M_S + sigma_m_s)
+    returns_s = np.where(slow, AIS_RETURNS_S, UNDER_WAY_S)
+    no_ais_since_s = _since(ais_cover, picture, goes_on, goes_on, memory.no_ais_since_s, before, time_s, returns_s)
     was_shown = np.zeros(len(picture), np.bool_)
     was_shown[row_of_track[match.first_vessel >= 0]] = True  # in another vessel, as one that has split from its AIS
     new = np.flatnonzero((before < 0) & ~was_shown & (no_ais_since_s == time_s))
@@ -103,26 +109,22 @@ def flag(
         usual_s = _first_plot_s(tracks, radars, row_of_track, len(picture), time_s)[new] + settings.dark_unshown_s
         no_ais_since_s[new] = np.clip(usual_s, time_s - settings.dark_unshown_s, time_s)
     no_radar_since_s = _since(
-        radar_cover, picture, no_radar & should_see, no_radar, memory.no_radar_since_s, before, time_s, 0.0
+        radar_cover, picture, no_radar & should_see, no_radar, memory.no_radar_since_s, before, time_s, np.zeros(len(picture))
     )
     pairs = _track_pairs(settings, memory.pairs, match, ais, first_radar[row_of_track[ais]], len(tracks), time_s)
     pairs = _in_cover(pairs, ais_cover, radar_cover, picture, row_of_track, should_see, time_s)
 
     flags = picture.flags.copy()
-    anchor_deg, anchor_since_s, stationary = _stationary(settings, memory, order.vessel_of_row, picture, time_s)
     flags[stationary] |= int(Flag.STATIONARY)
     dark = np.flatnonzero((time_s - no_ais_since_s >= settings.dark_after_s) & (now.has_radar | order.was_dark))
     never_sent = stationary[dark] & (picture.mmsi[dark] < 0) & ~had_ais(settings, past, picture.vessel_id[dark])
     at_anchor = now.has_ais & (stationary | np.isin(picture.nav_status, (NavStatus.AT_ANCHOR, NavStatus.MOORED)))
     anchored_s = now.heard_s[at_anchor]  # ships at anchor send each 180 s, or rarely; the longest pause, of AIS that is heard
     pause_s = min(float(now.heard_s.max() - anchored_s.min()), LONGEST_PAUSE_S) if len(anchored_s) else 0.0
-    slow = stationary | (np.hypot(*picture.velocity_m_s.T) < SLOW_M_S)
-    waits = slow[dark] & (time_s - no_ais_since_s[dark] < settings.dark_after_s + pause_s)
     began_s = min(memory.began_s, time_s)
-    if time_s < began_s + 2.0 * AIS_RETURNS_S:  # not each ship at anchor has had its turn: what has not moved since may be one
-        rests = slow[dark] & (anchor_since_s[dark] <= no_ais_since_s[dark] + settings.dark_unshown_s)
-        waits |= rests & (time_s - no_ais_since_s[dark] < settings.dark_after_s + AIS_RETURNS_S)
-    waits &= ~order.was_dark[dark]
+    without = picture.position_deg[dark], slow[dark], no_ais_since_s[dark], ever_heard_s[dark]
+    starts = time_s < began_s + 2.0 * AIS_RETURNS_S  # not each slow vessel has had its turn
+    waits = _may_send(settings, ais_cover, *without, AIS_RETURNS_S if starts else pause_s, time_s) & ~order.was_dark[dark]
     among_ships = _in_anchorage(settings, picture.position_deg[dark[never_sent]], picture.position_deg[at_anchor])
     never_sent[never_sent] = ~among_ships
     flags[dark[~never_sent & ~waits]] |= int(Flag.DARK)
@@ -135,6 +137,27 @@ def flag(
         flags[row_of_track[odd[odd >= 0]]] |= int(what)
     no_ais_since_s = np.append(no_ais_since_s, _held_s(memory.no_ais_since_s, order.hidden))
     return FlagMemory(no_ais_since_s, no_radar_since_s, anchor_deg, anchor_since_s, ever_heard_s, pairs, began_s), flags
+
+
+def _may_send(
+    settings: IdentitySettings,
+    cover: SensorCover,
+    position_deg: Floats,
+    slow: Bools,
+    since_s: Floats,
+    heard_s: Floats,
+    pause_s: float,
+    time_s: float,
+) -> Bools:
+    """Which vessels without AIS may be between two reports. (D,)
+
+    Args: since_s: (D,) since when each is without AIS; heard_s: (D,) its last report; pause_s: how much longer slow ones wait.
+    """
+    until_s, after_s = cover.until_s(position_deg, time_s), np.full(len(slow), AIS_RETURNS_S + settings.dark_after_s)
+    slow_waits = until_s - heard_s < DUE_AGAIN * AIS_RETURNS_S
+    slow_waits |= cover.begins_s(position_deg, slow, time_s, after_s) > time_s
+    waits = until_s - since_s < settings.dark_after_s + np.where(slow, pause_s, 0.0)
+    return np.asarray(waits | (slow & slow_waits))
 
 
 def _first_plot_s(tracks: Tracks, radars: Ints, row_of_track: Ints, rows: int, time_s: float) -> Floats:
@@ -168,14 +191,14 @@ def _since(
     before_s: Floats,
     vessel_of_row: Ints,
     time_s: float,
-    returns_s: float,
+    returns_s: Floats,
 ) -> Floats:
     """Since when a condition holds in cover: as at the last cycle, or now if it is new; inf where it does not hold. (R,)
 
     Where only silent sensors reach, the time that it has held stands. After they are heard again, none begins to hold there before
     `returns_s` are over: until then its time is below 0.
     Args: holds: (R,) if a sensor is heard there; may_hold: (R,) if one is silent there; before_s: (S,) of the shown vessels of the
-    last cycle; vessel_of_row: (R,).
+    last cycle; vessel_of_row, returns_s: (R,).
     """
     held_s = _held_s(before_s, vessel_of_row)
     runs = cover.within(picture.position_deg, holds)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -45,6 +45,7 @@ class FlagMemory:
     anchor_since_s: Floats  # (V,)
     newest_id: int  # of all vessels so far
     began_s: float = np.inf
+    heard_s: dict[int, float] = field(default_factory=dict)  # newest AIS report of each vessel of the picture
 
     @staticmethod
     def empty() -> FlagMemory:
@@ -98,9 +99,12 @@ def flags_of(
     pause_s = min(max(newest_s) - min(ships_s), 180.0) if len(ships_s) else 0.0
     began_s = min(memory.began_s, time_s)
     was_dark = np.isin(picture.vessel_id, list(memory.dark))
-    slow = stays | (np.linalg.norm(picture.velocity_m_s, axis=1) < 2 * KNOT_M_S)
+    spread = np.array([np.sqrt(np.nansum(np.diag(one)[2:]) / 2) for one in picture.covariance])  # of the speed
+    slow = stays | (np.linalg.norm(picture.velocity_m_s, axis=1) < 2 * KNOT_M_S + spread)
     may_be &= (time_s - no_ais >= settings.dark_after_s + pause_s) | ~slow | was_dark
-    rests = slow & (anchor_since_s <= no_ais + settings.dark_unshown_s) & (time_s - began_s < 360.0)
+    heard_s = {k: max(now, memory.heard_s.get(k, -np.inf)) for k, now in zip(picture.vessel_id.tolist(), newest_s, strict=True)}
+    may_be &= (time_s - np.array([*heard_s.values()]) >= 1.1 * 180.0) | ~slow | was_dark
+    rests = slow & (time_s - began_s < 360.0)
     may_be &= (time_s - no_ais >= settings.dark_after_s + 180.0) | ~rests | was_dark
     silent = may_be & (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1) & ~had_ais & ~among)
     flags |= np.where(silent, int(Flag.DARK), 0)
@@ -124,6 +128,7 @@ def flags_of(
         anchor_since_s,
         max([memory.newest_id, *picture.vessel_id.tolist()]),
         began_s,
+        heard_s,
     )
     return after, flags
 

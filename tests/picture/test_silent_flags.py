@@ -48,14 +48,55 @@ def play(script: Sequence[Any], kind: str, first: int, last: int, **more: Any) -
     return out
 
 
-def test_nobody_becomes_dark_while_ais_is_silent_nor_before_a_moored_vessel_has_sent_again() -> None:
-    """AIS fails in cycle 5, for 100 cycles of 3 s. The AIS track ends at once, and the vessel never sends again."""
+@pytest.mark.parametrize(("speed_m_s", "waits"), [(4.0, 10), (1.2, 60), (0.4, 60)])
+def test_nobody_becomes_dark_while_ais_is_silent_nor_before_a_vessel_of_its_speed_has_sent_again(
+    speed_m_s: float, waits: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """AIS fails in cycle 5, for 100 cycles of 3 s. The AIS track ends at once, and the vessel never sends again.
+
+    Under way class B sends each 30 s. At 1.2 m/s, 2.3 kn, the vessel may be slower than 2 kn by the noise of its speed.
+    """
+    monkeypatch.setattr("test_picture.EAST_M_S", speed_m_s)
     out = flagged(play([[RADAR, AIS]] * 5 + [[RADAR]] * 195, "ais", 5, 105), Flag.DARK)
-    assert out.index(True) == 105 + 80, "180 s in which any vessel sends, and `dark_after_s`, after AIS is heard again"
-    assert all(out[185:])
+    assert out.index(True) == 105 + waits + 20, "the longest interval, and `dark_after_s`, after AIS is heard again"
+    assert all(out[out.index(True) :])
 
 
-def test_a_vessel_that_sends_again_within_three_minutes_is_never_dark() -> None:
+def test_a_slow_vessel_that_was_silent_before_the_failure_has_its_interval_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It had sent nothing for 45 s when AIS failed: its report of each 180 s may have been lost with the others."""
+    monkeypatch.setattr("test_picture.EAST_M_S", 0.8)
+    out = flagged(play([[RADAR, AIS]] * 24 + [[RADAR]] * 200, "ais", 30, 130), Flag.DARK)
+    assert out.index(True) == 130 + 60 + 20
+
+
+@pytest.mark.parametrize(("heard", "first"), [(5, 130 + 1), (2, 12 + 20)])
+def test_what_is_silent_since_the_newest_report_makes_nobody_dark_before_it_is_known_to_fail(heard: int, first: int) -> None:
+    """The vessel sends until cycle 11, the others until cycle 30. AIS is silent 30 s later, and heard again in cycle 130.
+
+    Of its 20 cycles 18 are over by the newest report. One of two vessels that stop sending is dark at once.
+    """
+    method, pauses, up = Identity(), UsualPauses(), []
+    memory, habits = method.init(), pauses.init()
+    for cycle in range(160):
+        came = Came(ais=() if 30 < cycle < 130 else (1e3,) * heard, plots=(0, 0, 0, 1, 1, 1))
+        given = SilenceInput(reports_of(came, PERIOD_S * cycle), ais_tracks((1e3,) * heard), PERIOD_S * cycle, sensors())
+        habits, hearing = pauses.step(habits, given)
+        tracks, associations, fused = cycle_of(cycle, [RADAR, AIS] if cycle < 12 else [RADAR])
+        now = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, sensors()
+        memory, (picture, _) = method.step(memory, PictureInput(*now, hearing=hearing))
+        up.append(bool((picture.flags & Flag.DARK).any()))
+    assert up.index(True) == first
+
+
+def test_a_slow_vessel_has_its_interval_after_the_start_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It moves, and has not sent since the start."""
+    monkeypatch.setattr("test_picture.EAST_M_S", 0.8)
+    out = flagged(play([[RADAR]] * 100, "none", 0, 0), Flag.DARK)
+    assert out.index(True) == 60 + 20
+
+
+def test_a_vessel_that_sends_again_within_three_minutes_is_never_dark(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("test_picture.EAST_M_S", 0.4)
     script = [[RADAR, AIS]] * 5 + [[RADAR]] * 155 + [[RADAR, AIS]] * 40
     assert not any(flagged(play(script, "ais", 5, 105), Flag.DARK))
 
@@ -181,8 +222,8 @@ def two_stations(east_m: float) -> Sensors:
     [
         (550e3, (1,), 5 + 20),  # it does not reach the vessel
         (10e3, (1,), 5 + 20),  # another one reached the vessel meanwhile
-        (10e3, (0, 1), 4 + 80),  # both return in cycle 4
-        (550e3, (0,), 4 + 80),
+        (10e3, (0, 1), 4 + 30),  # both return in cycle 4
+        (550e3, (0,), 4 + 30),
     ],
 )
 def test_only_where_no_other_station_was_heard_does_one_that_returns_put_off_dark(
