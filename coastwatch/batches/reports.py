@@ -140,7 +140,10 @@ class Reports:
 
     @classmethod
     def merged(cls, parts: Sequence[Reports]) -> Reports:
-        """The reports of all parts, each kind in order of arrival; equal times in order of the parts."""
+        """The reports of all parts, each kind in order of arrival; equal times in order of the parts.
+
+        A plot that several parts have is there once: two networks, or captures that overlap, carry the same messages.
+        """
         out: dict[str, Any] = {"video": Videos.merged([part.video for part in parts])}
         for name in (f.name for f in fields(cls) if f.name not in out):
             every = [getattr(part, name) for part in parts]
@@ -149,7 +152,21 @@ class Reports:
             if len(some) > 1:
                 together = type(every[0]).join(some)
                 out[name] = together.take(np.argsort(together.received_s, kind="stable"))
+                if name == "radar":
+                    out[name] = _each_once(out[name])
         return cls(**out)
+
+
+def _each_once(plots: RadarReports) -> RadarReports:
+    """The plots without those that are the same as an earlier row."""
+    keys = plots.azimuth_deg, plots.range_m, plots.time_s, plots.sensor
+    order = np.lexsort(keys)  # stable: the first of equal rows comes first
+    again = np.ones(max(len(order) - 1, 0), np.bool_)
+    for key in keys:
+        again &= key[order[1:]] == key[order[:-1]]
+    keep = np.ones(len(order), np.bool_)
+    keep[order[1:][again]] = False
+    return plots.take(keep)
 
 
 EARLIER_S = 3600.0

@@ -147,6 +147,18 @@ def assert_same(got: Reports, wanted: Reports) -> None:
             )
 
 
+def test_what_two_captures_of_a_radar_both_have_is_one_plot(tmp_path: Path) -> None:
+    """They overlap by a datagram of 40 plots. Two plots of one place at two times, or of two radars, are two."""
+    found = messages("asterix")
+    paths = as_capture(tmp_path / "a.pcap", found[:2]), as_capture(tmp_path / "b.pcap", found[1:])
+    files = [wire_file(address("asterix", path, dated=False)) for path in paths]
+    plots = WireStream(files, sensors(), 10.0).between(-math.inf, math.inf).radar
+    np.testing.assert_array_equal(plots.time_s, reports().radar.time_s)
+    other = replace(plots, sensor=plots.sensor + 1)
+    later = replace(plots, time_s=plots.time_s + 0.5, received_s=plots.received_s + 0.5)
+    assert len(Reports.merged([Reports(radar=one) for one in (plots, other, later, plots)]).radar) == 3 * SECONDS
+
+
 @pytest.mark.parametrize("name", REPORTS)
 def test_a_file_gives_the_reports_of_the_live_decoder(name: str, tmp_path: Path) -> None:
     found = messages(name)
