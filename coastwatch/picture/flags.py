@@ -3,8 +3,8 @@
 - DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS, or
   lies among ships at anchor: near `anchorage_ships` or more that send AIS. A slow radar shows vessels late: what is beyond
   `dark_unshown_s` from the first plot until it is shown counts too, at most as much. What is stationary, or slow within the noise of
-  its speed, has more time: the longest pause of any ship at anchor, and the interval of slow vessels since its last report, the start
-  of the run and the return of AIS. The time goes on, and the flag stays, while radar loses it.
+  its speed, has more time: the longest pause of any ship at anchor, and the interval of slow vessels since its last report and the
+  return of AIS. The time goes on, and the flag stays, while radar loses it.
 - AIS_WITHOUT_RADAR: no radar, and AIS reports still `unseen_after_s` later, where a radar detects most vessels (`AisDetection`).
   A vessel that no report has placed there since may have left: a report of minutes ago does not contradict the radar.
 - AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart, where a radar
@@ -123,8 +123,10 @@ def flag(
     pause_s = min(float(now.heard_s.max() - anchored_s.min()), LONGEST_PAUSE_S) if len(anchored_s) else 0.0
     began_s = min(memory.began_s, time_s)
     without = picture.position_deg[dark], slow[dark], no_ais_since_s[dark], ever_heard_s[dark]
-    starts = time_s < began_s + 2.0 * AIS_RETURNS_S  # not each slow vessel has had its turn
-    waits = _may_send(settings, ais_cover, *without, AIS_RETURNS_S if starts else pause_s, time_s) & ~order.was_dark[dark]
+    rests = anchor_since_s[dark] <= no_ais_since_s[dark] + settings.dark_unshown_s
+    rests &= time_s < began_s + 2.0 * AIS_RETURNS_S  # not each ship at anchor has had its turn: what has not moved may be one
+    longer_s = np.where(rests, AIS_RETURNS_S, pause_s)
+    waits = _may_send(settings, ais_cover, *without, longer_s, time_s) & ~order.was_dark[dark]
     among_ships = _in_anchorage(settings, picture.position_deg[dark[never_sent]], picture.position_deg[at_anchor])
     never_sent[never_sent] = ~among_ships
     flags[dark[~never_sent & ~waits]] |= int(Flag.DARK)
@@ -146,17 +148,17 @@ def _may_send(
     slow: Bools,
     since_s: Floats,
     heard_s: Floats,
-    pause_s: float,
+    longer_s: Floats,
     time_s: float,
 ) -> Bools:
     """Which vessels without AIS may be between two reports. (D,)
 
-    Args: since_s: (D,) since when each is without AIS; heard_s: (D,) its last report; pause_s: how much longer slow ones wait.
+    Args: since_s: (D,) since when each is without AIS; heard_s: (D,) its last report; longer_s: (D,) waits each slow one.
     """
     until_s, after_s = cover.until_s(position_deg, time_s), np.full(len(slow), AIS_RETURNS_S + settings.dark_after_s)
     slow_waits = until_s - heard_s < DUE_AGAIN * AIS_RETURNS_S
     slow_waits |= cover.begins_s(position_deg, slow, time_s, after_s) > time_s
-    waits = until_s - since_s < settings.dark_after_s + np.where(slow, pause_s, 0.0)
+    waits = until_s - since_s < settings.dark_after_s + np.where(slow, longer_s, 0.0)
     return np.asarray(waits | (slow & slow_waits))
 
 

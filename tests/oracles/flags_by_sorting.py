@@ -104,7 +104,7 @@ def flags_of(
     may_be &= (time_s - no_ais >= settings.dark_after_s + pause_s) | ~slow | was_dark
     heard_s = {k: max(now, memory.heard_s.get(k, -np.inf)) for k, now in zip(picture.vessel_id.tolist(), newest_s, strict=True)}
     may_be &= (time_s - np.array([*heard_s.values()]) >= 1.1 * 180.0) | ~slow | was_dark
-    rests = slow & (time_s - began_s < 360.0)
+    rests = slow & (anchor_since_s <= no_ais + settings.dark_unshown_s) & (time_s - began_s < 360.0)
     may_be &= (time_s - no_ais >= settings.dark_after_s + 180.0) | ~rests | was_dark
     silent = may_be & (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1) & ~had_ais & ~among)
     flags |= np.where(silent, int(Flag.DARK), 0)

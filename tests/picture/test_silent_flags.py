@@ -88,13 +88,6 @@ def test_what_is_silent_since_the_newest_report_makes_nobody_dark_before_it_is_k
     assert up.index(True) == first
 
 
-def test_a_slow_vessel_has_its_interval_after_the_start_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It moves, and has not sent since the start."""
-    monkeypatch.setattr("test_picture.EAST_M_S", 0.8)
-    out = flagged(play([[RADAR]] * 100, "none", 0, 0), Flag.DARK)
-    assert out.index(True) == 60 + 20
-
-
 def test_a_vessel_that_sends_again_within_three_minutes_is_never_dark(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("test_picture.EAST_M_S", 0.4)
     script = [[RADAR, AIS]] * 5 + [[RADAR]] * 155 + [[RADAR, AIS]] * 40
