@@ -34,7 +34,7 @@ MODELS = 4  # steady, changing speed, agile: constant velocity; turning: coordin
 FEW = 512  # fewer filters are not worth a thread
 ALONG_M = 1e5  # standard deviation of a bearing along the line of sight: 1000 times what any vessel is known to
 LEAST_GAIN = 0.25  # of the variance of an AIS track: a smaller difference from it is not tested more narrowly
-LESS_CERTAIN = 1.5  # times the variance of its AIS track: a filter above that is not reported
+LESS_CERTAIN = 4.0  # times the variance of its AIS track: a filter above that is not reported
 SEARCH_STEPS = 16  # of the covariance intersection at which a filter begins
 JUMP_FACTORS = 2.0 ** np.arange(0.0, 3.5, 0.5)  # times the size of a jump that is stated: what is compared
 SOJOURN_FACTORS = np.array([1 / 16, 1 / 4, 1.0, 4.0, 16.0])  # times the time in the steady model that is stated
@@ -360,7 +360,8 @@ class CentralImm(FusionMethod):
         apart_m = np.einsum("nij,ni->nj", axes, difference_m(tracks.position_deg[ais], out.position_deg[of]))
         ais_m2, fused_m2 = (np.trace(covariance, axis1=1, axis2=2) for covariance in (of_ais, of_fused))
         distance = np.sum(apart_m**2 / np.maximum(variance, LEAST_GAIN * ais_m2[:, None] / 2.0), axis=1)
-        left = unsound | (distance > self.ais_doubt) | (fused_m2 > LESS_CERTAIN * ais_m2)
+        report_m2 = np.nan_to_num(np.trace(tracks.report_covariance[ais], axis1=1, axis2=2))
+        left = unsound | (distance > self.ais_doubt) | (fused_m2 > LESS_CERTAIN * np.maximum(ais_m2, report_m2))
         contradicts: Ints = of[unsound | (distance > self.ais_doubt)]
         of, ais = of[left], ais[left]
         out.position_deg[of], out.velocity_m_s[of] = tracks.position_deg[ais], tracks.velocity_m_s[ais]
