@@ -96,7 +96,8 @@ class CentralImm(FusionMethod):
     - A plot that contradicts the filter of a vessel with AIS counts less: it may be an echo of another vessel (`plot_doubt`).
     - A vessel is reported as its AIS track where the filter contradicts that track (`ais_doubt`), or is far less certain. An efficient
       estimate differs from a consistent one by the difference of their covariances. So plots of a neighbour, or of a radar that errs
-      more than it states, hardly make the vessel worse than its AIS.
+      more than it states, hardly make the vessel worse than its AIS. That track counts as no surer than one report: of a vessel that
+      moves more than its model says it is too sure.
     - A velocity that AIS reports decides whether the vessel has jumped since the last one. Plots decide it in vessels without AIS,
       and after a minute without a report.
     - A late report is moved to the filter's time by the velocity.
@@ -354,14 +355,15 @@ class CentralImm(FusionMethod):
         of, first = np.unique(vessel[ais], return_index=True)
         ais = ais[first]
         unsound = ~np.isfinite(out.covariance[of].sum(axis=(1, 2)) + out.position_deg[of].sum(axis=1))
-        of_ais = tracks.covariance[ais, :2, :2]
+        of_ais, of_report = tracks.covariance[ais, :2, :2], tracks.report_covariance[ais]
+        surer = np.trace(of_ais, axis1=1, axis2=2) < np.trace(of_report, axis1=1, axis2=2)
+        of_ais = np.where(surer[:, None, None], of_report, of_ais)  # its model of motion may be too quiet
         of_fused = np.where(unsound[:, None, None], of_ais, out.covariance[of, :2, :2])
         variance, axes = np.linalg.eigh(of_ais - of_fused)
         apart_m = np.einsum("nij,ni->nj", axes, difference_m(tracks.position_deg[ais], out.position_deg[of]))
         ais_m2, fused_m2 = (np.trace(covariance, axis1=1, axis2=2) for covariance in (of_ais, of_fused))
         distance = np.sum(apart_m**2 / np.maximum(variance, LEAST_GAIN * ais_m2[:, None] / 2.0), axis=1)
-        report_m2 = np.nan_to_num(np.trace(tracks.report_covariance[ais], axis1=1, axis2=2))
-        left = unsound | (distance > self.ais_doubt) | (fused_m2 > LESS_CERTAIN * np.maximum(ais_m2, report_m2))
+        left = unsound | (distance > self.ais_doubt) | (fused_m2 > LESS_CERTAIN * ais_m2)
         contradicts: Ints = of[unsound | (distance > self.ais_doubt)]
         of, ais = of[left], ais[left]
         out.position_deg[of], out.velocity_m_s[of] = tracks.position_deg[ais], tracks.velocity_m_s[ais]

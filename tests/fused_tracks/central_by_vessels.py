@@ -96,7 +96,7 @@ class ByVessels:
 
     def _contradicts(self, fused: tuple[Floats, Floats, Floats], ais: Tracks) -> bool:
         """Whether an estimate is farther from an AIS track than the difference of their covariances lets it, or less certain."""
-        of_ais, of_fused = ais.covariance[0, :2, :2], fused[2][:2, :2]
+        of_ais, of_fused = max(ais.covariance[0, :2, :2], ais.report_covariance[0], key=np.trace), fused[2][:2, :2]
         variance, axes = np.linalg.eigh(of_ais - of_fused)
         along = axes.T @ difference_m(ais.position_deg[0], fused[0])
         distance = np.sum(along**2 / np.maximum(variance, LEAST_GAIN * np.trace(of_ais) / 2.0))

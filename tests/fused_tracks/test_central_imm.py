@@ -123,6 +123,18 @@ def test_plots_of_a_neighbour_make_no_vessel_worse_than_its_ais(bias_m, monkeypa
     assert (rmse(trusting, time_s) > 2.0 * rmse(of_ais, time_s)) == (bias_m == 100.0)
 
 
+def test_an_ais_track_that_is_too_sure_does_not_take_the_place_of_the_filter():
+    """Its model is too quiet: it errs by 5 m an axis, and states 1 m. All vessels were reported as it."""
+    rng, cycles = np.random.default_rng([3, 29]), []
+    for tracks, m, vessel, time_s in world():
+        ais = np.flatnonzero(tracks.source == 2)
+        tracks.position_deg[ais] = offset_deg(tracks.position_deg[ais], rng.normal(0.0, 5.0, (VESSELS, 2)))
+        tracks.covariance[ais, :2, :2] = np.eye(2)
+        cycles.append((tracks, m, vessel, time_s))
+    _, fused, time_s = run(CentralImm(), cycles)
+    assert rmse(fused, time_s) < 4.0
+
+
 def test_a_filter_that_is_not_finite_leaves_the_vessel_to_its_ais():
     cycles = list(world())
     memory, _, _ = run(CentralImm(), cycles[:-1])
