@@ -162,5 +162,5 @@ def _with_pairs(tracks: Tracks, associations: Associations, ais: Ints, echo: Int
     statistic = np.append(associations.statistic, np.zeros(len(ais)))
     gain = np.append(np.full(len(associations.first), 1.0), np.full(len(ais), 0.5))
     order = np.lexsort((second, first))
-    chosen = first[order], second[order], statistic[order], gain[order]
-    return associations_of(tracks, *chosen, is_distance=is_distance, counts=associations)
+    first, second, statistic, gain = first[order], second[order], statistic[order], gain[order]
+    return associations_of(tracks, first, second, statistic, gain, is_distance=is_distance, counts=associations)

@@ -122,15 +122,16 @@ def sensor_covers(sensors: Sensors, margin: float, hearing: SensorHearing | None
 
 def _cover(sensors: Sensors, margin: float, kind: str, hearing: Hearing) -> SensorCover:
     heard = hearing.heard & ~hearing.stands
-    since = hearing.returned_s[heard], hearing.known_until_s[heard]
+    returned_s, known_until_s = hearing.returned_s[heard], hearing.known_until_s[heard]
     if heard.all():
-        return SensorCover(_some(sensors, margin, kind, heard.tobytes()), (), *since)
+        return SensorCover(_some(sensors, margin, kind, heard.tobytes()), (), returned_s, known_until_s)
     times = np.unique(hearing.stands_from_s[hearing.stands]).tolist()
     silent = ((from_s, hearing.stands_from_s == from_s) for from_s in times)
     return SensorCover(
         _some(sensors, margin, kind, heard.tobytes()),
         tuple((from_s, _some(sensors, margin, kind, rows.tobytes())) for from_s, rows in silent),
-        *since,
+        returned_s,
+        known_until_s,
     )
 
 

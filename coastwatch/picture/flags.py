@@ -122,11 +122,11 @@ def flag(
     anchored_s = now.heard_s[at_anchor]  # ships at anchor send each 180 s, or rarely; the longest pause, of AIS that is heard
     pause_s = min(float(now.heard_s.max() - anchored_s.min()), LONGEST_PAUSE_S) if len(anchored_s) else 0.0
     began_s = min(memory.began_s, time_s)
-    without = picture.position_deg[dark], slow[dark], no_ais_since_s[dark], ever_heard_s[dark]
-    rests = anchor_since_s[dark] <= no_ais_since_s[dark] + settings.dark_unshown_s
+    place_deg, since_s, heard_s = picture.position_deg[dark], no_ais_since_s[dark], ever_heard_s[dark]
+    rests = anchor_since_s[dark] <= since_s + settings.dark_unshown_s
     rests &= time_s < began_s + 2.0 * AIS_RETURNS_S  # not each ship at anchor has had its turn: what has not moved may be one
     longer_s = np.where(rests, AIS_RETURNS_S, pause_s)
-    waits = _may_send(settings, ais_cover, *without, longer_s, time_s) & ~order.was_dark[dark]
+    waits = _may_send(settings, ais_cover, place_deg, slow[dark], since_s, heard_s, longer_s, time_s) & ~order.was_dark[dark]
     among_ships = _in_anchorage(settings, picture.position_deg[dark[never_sent]], picture.position_deg[at_anchor])
     never_sent[never_sent] = ~among_ships
     flags[dark[~never_sent & ~waits]] |= int(Flag.DARK)
