@@ -14,13 +14,13 @@ from coastwatch import kernels
 from coastwatch.associations.antennas_on_echoes import FAR_M, OnEchoes
 from coastwatch.associations.pairing import associations_of
 from coastwatch.batches import Associations, Batch, Bools, Floats, HullOffsets, Ints, SourceKind, Tracks, column
-from coastwatch.geodesy import KNOT_M_S, difference_m
+from coastwatch.geodesy import KNOT_M_S, difference_m, scale_m_deg
 from coastwatch.kernels.tables.lookup import find, row_of
 
 REACH_M = 230.0  # of an antenna from the middle of the longest ships
 CLEAR_M = 300.0  # about both, in which there is no other AIS track, and no other track of this radar's region
 CELL_M = 200.0  # of cells whose corners are nearer to each other than `CLEAR_M`
-EARTH_M, BANDS = 6.371e6, 1 << 20  # radius; more than there are cells around the earth
+BANDS = 1 << 20  # more than there are cells around the earth
 AFTER_S, KEPT_S = 90.0, 30.0  # for which a pair must last before it is joined; for which it may fail
 LOOK_S = 15.0  # after which pairs are looked for again
 STEADY_M = 75.0  # by which the distance may change: what departs is no antenna
@@ -99,9 +99,9 @@ def _looked(
 def _sole(tracks: Tracks, some: Bools) -> Bools:
     """Which of these tracks are the only one of their source in their cell. A crowd has none, so no work grows faster than its size."""
     rows = np.flatnonzero(some)
-    latitude, longitude = np.radians(tracks.position_deg[rows]).T
-    band = np.floor(latitude * EARTH_M / CELL_M)
-    cell = np.floor(longitude * np.cos(band * CELL_M / EARTH_M) * EARTH_M / CELL_M)
+    band_deg = CELL_M / scale_m_deg(np.zeros(1))[0]
+    band = np.floor(tracks.position_deg[rows, 0] / band_deg)
+    cell = np.floor(tracks.position_deg[rows, 1] * scale_m_deg(band * band_deg)[1] / CELL_M)
     key = (tracks.source[rows] * BANDS + band.astype(np.int64)) * BANDS + cell.astype(np.int64)
     _, of_row, count = np.unique(key, return_inverse=True, return_counts=True)
     sole = np.zeros(len(tracks), np.bool_)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from coastwatch.associations.antennas_beside_echoes import AFTER_S, BesideEchoes, join_beside
-from coastwatch.batches import Associations, Floats, HullOffsets, SourceKind, Tracks
+from coastwatch.batches import AisStatics, Associations, Floats, HullOffsets, SourceKind, Tracks
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import offset_deg
+from coastwatch.scenario import load_scenario
+from coastwatch.stage import serial
 
 pytestmark = pytest.mark.contract
 
@@ -104,3 +108,24 @@ def test_a_tug_that_passes_parts_them_for_no_longer_than_it_is_near() -> None:
         counts.append(int(found.vessel.max()) + 1 - len(tug))
     assert counts[:30] == [2] * 30
     assert counts[30:] == [1] * 30
+
+
+def test_a_ship_whose_antenna_is_far_from_its_echo_is_one_vessel_in_the_picture() -> None:
+    """Through all stages: plots without extent, an antenna 130 m ahead, and no size."""
+    settings = {"input.count": "1", "input.radar.clutter_per_m2": "0", "input.motion.speed_from_kn": "10"}
+    scenario = load_scenario("guanabara", settings | {"registration.method": "none", "sonars": "[]"})
+    sensors, plan = scenario.sensors(), scenario.plan()
+    reports, memory, before_s = scenario.input.load(sensors, 4, plan).reports, start_run(scenario, sensors), -np.inf
+    counts: list[int] = []
+    for k in range(80):
+        now_s = plan.instant_s(k)
+        given = reports.between(before_s, now_s)
+        course = np.radians(given.ais.cog_deg)
+        ahead_m = 130.0 * np.column_stack([np.sin(course), np.cos(course)])
+        ais = replace(given.ais, position_deg=offset_deg(given.ais.position_deg, ahead_m))
+        given = replace(given, ais=ais, statics=AisStatics.empty())
+        memory, cycle = run_cycle(scenario, sensors, memory, given, now_s, serial, lambda name: nullcontext())
+        counts.append(len(cycle.picture))
+        before_s = now_s
+    assert 2 in counts[:40]
+    assert counts[-20:] == [1] * 20

@@ -100,7 +100,19 @@ def test_sentences_in_messages_of_ais_catcher(times: dict[str, object], found_s:
 
 
 @pytest.mark.parametrize(
-    "line", ["{", '{"nmea":3}', '{"nmea":[]}', '{"nmea":[1,null]}', "[" * 60_000, '{"a":' * 30_000, "{}", '{"nmea":["{}"]}']
+    "line",
+    [
+        "{",
+        '{"nmea":3}',
+        '{"nmea":[]}',
+        '{"nmea":[1,null]}',
+        '{"nmea":["{}"]}',
+        '{"nmea":["\\ud800"],"toa":1}',  # half of a character
+        json.dumps({"toa": "9" * 30_000, "nmea": [""] * 9000}),  # of 60 KB it made 270 MB
+        "[" * 60_000,
+        '{"a":' * 30_000,
+        "{}",
+    ],
 )
 def test_other_json_is_counted_and_nothing_ends(line: str) -> None:
     tally = Tally()

@@ -172,4 +172,5 @@ def test_a_case_of_literal_association_loads_with_the_default_tracks_and_those_o
     case: str, tracker: dict[str, str]
 ) -> None:
     """With the default tracks the settings of one were unknown."""
-    assert load_scenario("context-driven-1000", literal_association.CASES[case] | tracker).tracks
+    loaded = load_scenario("context-driven-1000", literal_association.CASES[case] | tracker)
+    assert loaded.tracks.method == tracker.get("tracks.method", "guided_vimmjipda")

@@ -67,6 +67,14 @@ def test_letters_of_sizes_and_numbers_of_types_are_known(tmp_path: Path) -> None
     assert faults == ()
 
 
+@pytest.mark.parametrize("sizes", ["100,50,10,999", "-100,150,10,12", "90000,50,10,12", "100,50,x,12", "100,50,,12"])
+def test_an_antenna_where_no_message_can_have_it_is_none(tmp_path: Path, sizes: str) -> None:
+    """Its ship would be moved by half of that."""
+    _, statics, _ = table(tmp_path, AISHUB, f"235070762,2021-07-09 08:06:13,50.7,-1.1,90,5,91,0,ALPHA,70,{sizes}").read()
+    assert statics.name.tolist() == ["ALPHA"]
+    assert np.isnan([statics.length_m[0], statics.to_bow_m[0], statics.to_stern_m[0], statics.to_starboard_m[0]]).all()
+
+
 def test_numbers_of_messages_are_no_types_of_ships(tmp_path: Path) -> None:
     rows = [f"1625817973,235070{k},50.7,-1.1,A {k},{kind}" for k, kind in enumerate((1, 3, 18, 27), 100)]
     _, statics, _ = table(tmp_path, "time,mmsi,lat,lon,name,type", *rows).read()

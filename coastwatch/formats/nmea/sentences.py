@@ -45,6 +45,7 @@ TAGGED = re.compile(rb"\\([^\\]+)\\(![^*!$\\]{2}([A-Z]{3}),[^*\\]*\*..)", re.DOT
 
 TIMES_OF_JSON = ("toa", "rxuxtime", "rxtime")
 """Of a message of AIS-catcher: as its source says, by its own clock as Unix time, and that as 20260714033320."""
+MOST_PARTS, LONGEST_TIME = 9, 32  # sentences of one message; characters of its time
 
 
 class ReceivedSentence(NamedTuple):
@@ -164,10 +165,11 @@ def _of_json(line: bytes) -> list[bytes]:
     except (ValueError, RecursionError):
         return []
     sentences = message.get("nmea") if isinstance(message, dict) else None
-    if not isinstance(sentences, list):
+    if not isinstance(sentences, list) or len(sentences) > MOST_PARTS:
         return []
     time = next((message[key] for key in TIMES_OF_JSON if message.get(key) is not None), "")
-    return [f"{time} {sentence}".encode() for sentence in sentences if isinstance(sentence, str)]
+    before = str(time)[:LONGEST_TIME]
+    return [f"{before} {text}".encode(errors="replace") for text in sentences if isinstance(text, str)]
 
 
 def _prefix(line: bytes, waiting: _Prefix, where: str, tally: Tally) -> tuple[_Prefix, bytes, bool]:

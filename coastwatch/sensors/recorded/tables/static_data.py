@@ -14,6 +14,7 @@ from coastwatch.sensors.recorded.tables.rows import ANTENNA
 
 UNKNOWN_TYPE = SET_ASIDE + "unknown ship type, taken as not sent"
 NOT_SENT = -1
+MOST_SIDES_M = np.array([[511.0], [511.0], [63.0], [63.0]])  # ANTENNA, that a message can hold: ITU-R M.1371-5, annex 8, 3.3.3
 LONGEST_TEXT = 64  # characters of a name or a word of a type that are looked at
 TYPE_WORDS = {
     "wig": 20,
@@ -67,7 +68,8 @@ def static_data(
     """
     code = ship_types(table, column["ship_type"], values["ship_type"], tally)
     of_antenna = np.stack([values[key] for key in ANTENNA])
-    of_antenna[:, ~(of_antenna[0] + of_antenna[1] > 0.0)] = np.nan  # zeros: not sent
+    possible = ((of_antenna >= 0.0) & (of_antenna <= MOST_SIDES_M)).all(axis=0)
+    of_antenna[:, ~(possible & (of_antenna[0] + of_antenna[1] > 0.0))] = np.nan  # zeros: not sent
     to_bow, to_stern, to_port, to_starboard = of_antenna
     length, beam = (
         np.where(values[k] > 0.0, values[k], np.where(whole > 0.0, whole, np.nan))
